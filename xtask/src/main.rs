@@ -39,6 +39,7 @@ mod gallery;
 mod home;
 mod laws;
 mod ledger;
+mod mathematics;
 mod process;
 mod rules;
 mod source;
@@ -169,6 +170,7 @@ fn tidy() -> Result<(), String> {
     faults.extend(comments::check(&sources, &rules));
     faults.extend(errors::check(&sources)?);
     faults.extend(process::check(&sources));
+    faults.extend(mathematics::check(&sources));
     faults.extend(attributes::check(&sources)?);
     faults.extend(circles::check(&workspace)?);
     faults.extend(book::check(&workspace)?);

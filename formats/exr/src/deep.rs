@@ -301,7 +301,7 @@ impl FlatPixel {
             let mut front = piece.front;
             for back in inside.chain([piece.back]) {
                 let share = (back - front) / length;
-                let alpha = -f64::exp_m1(share * f64::ln_1p(-piece.alpha));
+                let alpha = -libm::expm1(share * libm::log1p(-piece.alpha));
                 let part = if piece.alpha > 0.0 { alpha / piece.alpha } else { share };
                 let color = self.colors.len();
                 for (k, role) in roles.iter().enumerate() {
@@ -368,7 +368,7 @@ fn merge((a1, c1): (f64, f64), (a2, c2): (f64, f64)) -> f64 {
         (false, true) => return c2,
         (false, false) => {}
     }
-    let density = |a: f64| -f64::ln_1p(-a);
+    let density = |a: f64| -libm::log1p(-a);
     let (u1, u2) = (density(a1), density(a2));
     let per_alpha = |u: f64, a: f64| if a > 0.0 { u / a } else { 1.0 };
     let (u, a) = (u1 + u2, a1 + a2 - a1 * a2);

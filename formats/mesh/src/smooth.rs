@@ -32,7 +32,7 @@ pub(crate) fn normals(shape: &ShapeDesc, params: &Params, angle_rad: f32) -> Opt
             let (before, here, after) =
                 (at(face[(i + count - 1) % count]), at(face[i]), at(face[(i + 1) % count]));
             let angle = (before - here).normalize_or_zero().dot((after - here).normalize_or_zero());
-            (normal, angle.clamp(-1.0, 1.0).acos())
+            (normal, libm::acosf(angle.clamp(-1.0, 1.0)))
         }));
     }
     if corners.len() != verts.len() {
@@ -55,7 +55,7 @@ pub(crate) fn normals(shape: &ShapeDesc, params: &Params, angle_rad: f32) -> Opt
     for (v, (normal, weight)) in verts.iter().zip(&corners) {
         sums[*v as usize] += *normal * *weight;
     }
-    let least = angle_rad.cos() - 1.0e-6;
+    let least = libm::cosf(angle_rad) - 1.0e-6;
     let mut values = Vec::with_capacity(verts.len() * 3);
     for (corner, v) in verts.iter().enumerate() {
         let own = corners[corner].0;

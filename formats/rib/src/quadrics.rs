@@ -34,14 +34,14 @@ fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
     let quarters =
         (((to - from).abs() / std::f64::consts::FRAC_PI_2 - 1e-9).ceil() as usize).clamp(least, 64);
     let step = (to - from) / quarters as f64;
-    let weight = (step * 0.5).cos();
+    let weight = libm::cos(step * 0.5);
     let mut points = Vec::with_capacity(2 * quarters + 1);
     let mut knots = vec![0.0; 3];
     for k in 0..quarters {
         let angle = from + step * k as f64;
         points.push([exact_cos(angle), exact_sin(angle), 1.0]);
         let middle = angle + step * 0.5;
-        points.push([middle.cos() / weight, middle.sin() / weight, weight]);
+        points.push([libm::cos(middle) / weight, libm::sin(middle) / weight, weight]);
         let end = (k + 1) as f32 / quarters as f32;
         knots.extend(if k + 1 < quarters { vec![end; 2] } else { vec![1.0; 3] });
     }
@@ -52,19 +52,19 @@ fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
 
 /// Returns the cosine of an angle in radians. Zeros are exact, so that shared edges close and poles are points.
 fn exact_cos(angle: f64) -> f64 {
-    let c = angle.cos();
+    let c = libm::cos(angle);
     if c.abs() < 1e-15 { 0.0 } else { c }
 }
 
 fn exact_sin(angle: f64) -> f64 {
-    let s = angle.sin();
+    let s = libm::sin(angle);
     if s.abs() < 1e-15 { 0.0 } else { s }
 }
 
 fn line(a: [f64; 3], b: [f64; 3]) -> Profile {
     let knots: Arc<[f32]> = [0.0, 0.0, 1.0, 1.0].into();
     Profile {
-        points: [a, b].map(|[x, y, z]| [x.hypot(y), y.atan2(x), z, 1.0]).to_vec(),
+        points: [a, b].map(|[x, y, z]| [libm::hypot(x, y), libm::atan2(y, x), z, 1.0]).to_vec(),
         span: KnotSpan { n: 2, order: 2, knots, min: 0.0, max: 1.0 },
     }
 }
@@ -74,7 +74,7 @@ fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param)
     let (circle, u) = arc(0.0, thetamax_deg.to_radians(), arcs);
     let mut values = Vec::with_capacity(4 * circle.len() * profile.points.len());
     for [r, offset, z, w] in &profile.points {
-        let (sin, cos) = offset.sin_cos();
+        let (sin, cos) = libm::sincos(*offset);
         for [x, y, weight] in &circle {
             let (x, y) = (x * cos - y * sin, x * sin + y * cos);
             let w = w * weight;
@@ -90,7 +90,7 @@ fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param)
 /// a point or a ring.
 pub(crate) fn sphere([radius, zmin, zmax, thetamax]: [f64; 4]) -> (ShapeDesc, Param) {
     let half = std::f64::consts::FRAC_PI_2;
-    let angle = |z: f64| (z / radius.abs()).clamp(-1.0, 1.0).asin();
+    let angle = |z: f64| libm::asin((z / radius.abs()).clamp(-1.0, 1.0));
     let (from, to) = if radius == 0.0 { (-half, half) } else { (angle(zmin), angle(zmax)) };
     swept(&circle_profile(0.0, radius, from, to, Arcs::Four), thetamax, Arcs::Four)
 }

@@ -23,12 +23,12 @@ fn skew(angle_deg: f32, d1: [f32; 3], d2: [f32; 3]) -> Option<[f32; 16]> {
         return None;
     }
     let side = side.map(|x| x / height);
-    let now = height.atan2(cosine);
+    let now = libm::atan2(height, cosine);
     let then = now - f64::from(angle_deg).to_radians();
     if then <= 1.0e-6 {
         return None;
     }
-    let amount = 1.0 / then.tan() - 1.0 / now.tan();
+    let amount = 1.0 / libm::tan(then) - 1.0 / libm::tan(now);
     let mut m = [0.0; 16];
     for i in 0..3 {
         for j in 0..3 {
@@ -68,7 +68,7 @@ impl Reader<'_> {
                 if !(fov > 0.0 && fov < 180.0) {
                     return Err(Fault::Mistake(format!("a field of view of {fov}")));
                 }
-                let t = (fov.to_radians() * 0.5).tan();
+                let t = libm::tanf(fov.to_radians() * 0.5);
                 let mut m = [0.0; 16];
                 (m[0], m[5], m[10], m[11], m[14]) = (1.0, 1.0, t, t, -t);
                 Ok(Call::AppendTransform(Box::new(m)))

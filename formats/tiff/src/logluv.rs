@@ -51,7 +51,7 @@ fn luminance(bits: u32) -> f32 {
     if exponent == 0 {
         return 0.0;
     }
-    let value = ((exponent as f32 + 0.5) / 256.0 - 64.0).exp2();
+    let value = libm::exp2f((exponent as f32 + 0.5) / 256.0 - 64.0);
     if bits & 0x8000 == 0 { value } else { -value }
 }
 

@@ -59,7 +59,7 @@ pub(crate) fn decode(data: &[u8], size: (usize, usize)) -> Result<Vec<f32>, Stri
 
 /// Returns the luminance of ten bits: 64 times the logarithm of base 2, increased by 12.
 fn luminance(bits: u32) -> f32 {
-    if bits == 0 { 0.0 } else { ((bits as f32 + 0.5) / 64.0 - 12.0).exp2() }
+    if bits == 0 { 0.0 } else { libm::exp2f((bits as f32 + 0.5) / 64.0 - 12.0) }
 }
 
 /// Returns u' and v' of the centre of each square.

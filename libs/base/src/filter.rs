@@ -76,7 +76,7 @@ impl Filter {
         // `r` runs from 0 at the centre to 1 at the edge.
         let r = x / half;
         match self {
-            Self::Gaussian => (-2.0 * r * r).exp(),
+            Self::Gaussian => libm::expf(-2.0 * r * r),
             Self::Box => 1.0,
             Self::Triangle => 1.0 - r,
             Self::CatmullRom => cubic(x, 0.0, 0.5),
@@ -85,7 +85,10 @@ impl Filter {
             Self::Sinc => sinc(x) * sinc(r),
             Self::BlackmanHarris => {
                 let t = PI * r;
-                0.35875 + 0.48829 * t.cos() + 0.14128 * (2.0 * t).cos() + 0.01168 * (3.0 * t).cos()
+                0.35875
+                    + 0.48829 * libm::cosf(t)
+                    + 0.14128 * libm::cosf(2.0 * t)
+                    + 0.01168 * libm::cosf(3.0 * t)
             }
         }
     }
@@ -93,7 +96,7 @@ impl Filter {
 
 /// Returns sin(pi x) / (pi x).
 pub fn sinc(x: f32) -> f32 {
-    if x < 1e-4 { 1.0 } else { (PI * x).sin() / (PI * x) }
+    if x < 1e-4 { 1.0 } else { libm::sinf(PI * x) / (PI * x) }
 }
 
 /// Returns the two-parameter cubic of Mitchell and Netravali (Reconstruction Filters in Computer Graphics, SIGGRAPH

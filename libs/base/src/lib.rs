@@ -6,6 +6,7 @@
 //! - [`transform`]: 4x4 matrices acting on row vectors, and matrices that move over time;
 //! - [`bound`]: axis-aligned boxes;
 //! - [`number`]: fast conversion of text to numbers;
+//! - [`math`]: powers and logarithms that have the same bits on every machine;
 //! - [`OnceMap`]: values that are made once each, by the first thread that requests them;
 //! - [`Lru`]: values within a limit, of which the least recently used ones are evicted;
 //! - [`parallel_map`]: work on many items by several threads;
@@ -37,6 +38,7 @@ pub mod files;
 pub mod filter;
 pub mod hash;
 mod lru;
+pub mod math;
 mod noise;
 pub mod number;
 mod once;

@@ -66,7 +66,7 @@ impl Transform {
     /// Positive angles turn x towards y when the axis is +z.
     pub fn rotate(angle_rad: f32, axis: Vec3) -> Self {
         match axis.try_normalize() {
-            Some(axis) => Self::exact(Mat4::from_axis_angle(axis, angle_rad)),
+            Some(axis) => Self::exact(about(axis, angle_rad)),
             None => Self::IDENTITY,
         }
     }
@@ -193,6 +193,15 @@ impl Transform {
     pub fn as_mat4(&self) -> &Mat4 {
         &self.rounded
     }
+}
+
+/// Returns the rotation by an angle about an axis of length 1, by Rodrigues' formula. `glam` has it with the system's
+/// sine and cosine, whose last bits differ between systems.
+fn about(axis: Vec3, angle_rad: f32) -> Mat4 {
+    let (sin, cos) = libm::sincosf(angle_rad);
+    let turned = |v: Vec3| v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos));
+    let [x, y, z] = Vec3::AXES.map(|v| turned(v).extend(0.0));
+    Mat4::from_cols(x, y, z, Vec4::W)
 }
 
 impl From<Mat4> for Transform {

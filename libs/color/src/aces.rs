@@ -4,7 +4,7 @@
 //! The rendering transform moves reds and adds a glow in ACES2065-1, takes colour away in AP1, and ends with a curve of
 //! each channel. The curve of the screen follows. Both curves are quadratic splines of logarithms.
 
-use crate::math::{exp2, log2, pow};
+use granita_base::math::{exp2, log2, pow};
 
 /// A spline of the logarithms of light, to the base 10. Its knots are evenly spaced below and above the middle.
 struct Spline<const N: usize> {

@@ -1,9 +1,9 @@
 //! Functions of one value, applied to many.
 
 use crate::aces;
-use crate::math::{exp2, log2, pow};
 use crate::table::{Interpolation, Lut1d, LutInverse};
 use crate::transform::{Cdl, ExposureContrast, LogParams, Named, Negatives, Scale};
+use granita_base::math::{exp2, log2, pow};
 use granita_machine::widest;
 use std::sync::Arc;
 
@@ -88,18 +88,19 @@ impl Curve {
         let (gamma, offset) = (gamma.max(1.000_001), offset.max(1e-6));
         let ratio = offset * gamma / ((gamma - 1.0) * (1.0 + offset));
         if inverse {
-            let slope = ((gamma - 1.0) / offset).powf(gamma - 1.0) * ((1.0 + offset) / gamma).powf(gamma);
-            let line = Line { end: ratio.powf(gamma) as f32, slope, offset: 0.0 };
+            let slope =
+                libm::pow((gamma - 1.0) / offset, gamma - 1.0) * libm::pow((1.0 + offset) / gamma, gamma);
+            let line = Line { end: libm::pow(ratio, gamma) as f32, slope, offset: 0.0 };
             return Self::MoncurveInverse { scale: 1.0 + offset, offset, gamma: 1.0 / gamma, line, mirror };
         }
-        let slope = (gamma - 1.0) / offset * ratio.powf(gamma);
+        let slope = (gamma - 1.0) / offset * libm::pow(ratio, gamma);
         let line = Line { end: (offset / (gamma - 1.0)) as f32, slope, offset: 0.0 };
         Self::Moncurve { scale: 1.0 / (1.0 + offset), offset: offset / (1.0 + offset), gamma, line, mirror }
     }
 
     /// Returns the logarithm of channel `c`. `None` when parameters have no inverse or no logarithm.
     pub(crate) fn log(p: &LogParams, c: usize, inverse: bool) -> Option<Self> {
-        let base = p.base.log2();
+        let base = libm::log2(p.base);
         if p.base <= 0.0 || base == 0.0 || !base.is_finite() || p.log_slope[c] == 0.0 || p.lin_slope[c] == 0.0
         {
             return None;
@@ -111,7 +112,7 @@ impl Curve {
             Some(at) => {
                 let at = at[c];
                 let inner = s * at + o;
-                let end = a * inner.log2() + b;
+                let end = a * libm::log2(inner) + b;
                 let slope = match p.linear_slope {
                     Some(slope) => slope[c],
                     None => a * s / (inner * std::f64::consts::LN_2),
@@ -153,14 +154,15 @@ impl Curve {
         const VIDEO: f64 = 0.546_448_087_431_693_9;
         let contrast = (p.contrast * p.gamma).max(0.001);
         if p.scale == Scale::Log {
-            let pivot = (p.pivot.max(0.001) / 0.18).log2() * p.log_step + p.log_mid_grey;
+            let pivot = libm::log2(p.pivot.max(0.001) / 0.18) * p.log_step + p.log_mid_grey;
             let pivot = pivot.max(0.0);
             let (scale, offset) = (contrast, (p.exposure * p.log_step - pivot) * contrast + pivot);
             let (scale, offset) = if inverse { (1.0 / scale, -offset / scale) } else { (scale, offset) };
             return Self::Range { scale, offset, low: f32::NEG_INFINITY, high: f32::INFINITY };
         }
         let power = if p.scale == Scale::Video { VIDEO } else { 1.0 };
-        let (pivot, exposure) = (p.pivot.max(0.001).powf(power), 2_f64.powf(p.exposure).powf(power));
+        let (pivot, exposure) =
+            (libm::pow(p.pivot.max(0.001), power), libm::pow(libm::pow(2_f64, p.exposure), power));
         if contrast == 1.0 {
             let scale = if inverse { 1.0 / exposure } else { exposure };
             return Self::Range { scale, offset: 0.0, low: f32::NEG_INFINITY, high: f32::INFINITY };
@@ -348,14 +350,14 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
         }),
         (Named::LinearToHlg, false) => each!(values, |v| {
             const A: f64 = 0.178_832_77;
-            let c = 0.5 - A * (4.0 * A).ln();
+            let c = 0.5 - A * libm::log(4.0 * A);
             let x = f64::from(v.abs());
             let high = A * std::f64::consts::LN_2 * log2((4.0 * x - (1.0 - 4.0 * A)) as f32) + c;
             (if x <= 0.25 { x.sqrt() as f32 } else { high as f32 }).copysign(v)
         }),
         (Named::LinearToHlg, true) => each!(values, |v| {
             const A: f64 = 0.178_832_77;
-            let c = 0.5 - A * (4.0 * A).ln();
+            let c = 0.5 - A * libm::log(4.0 * A);
             let x = f64::from(v.abs());
             let high = (exp2((x - c) / A * std::f64::consts::LOG2_E) + (1.0 - 4.0 * A)) / 4.0;
             (if x <= 0.5 { x * x } else { high } as f32).copysign(v)

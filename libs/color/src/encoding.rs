@@ -133,7 +133,7 @@ impl Encoding {
                 processor.push_curves([scale.clone(), scale.clone(), scale]);
             }
             Transfer::Film => {
-                let black = 10_f64.powf((95.0 - 685.0) * 0.002 / 0.6);
+                let black = libm::pow(10_f64, (95.0 - 685.0) * 0.002 / 0.6);
                 let code = 1023.0 * 0.002 / 0.6;
                 let log = crate::transform::LogParams {
                     log_slope: [1.0 / code; 3],

@@ -1,8 +1,8 @@
 //! Functions of three values with definitions of their own.
 
 use crate::aces;
-use crate::math::pow;
 use crate::transform::Fixed;
+use granita_base::math::pow;
 
 /// Applies a function, or its inverse.
 pub(crate) fn apply(fixed: Fixed, inverse: bool, rgb: [f32; 3]) -> [f32; 3] {

@@ -1,9 +1,9 @@
 //! ICC profiles that consist of a matrix and curves (ICC.1:2022, 8.3), or of a curve of grey.
 
 use crate::error::ColorError;
-use crate::math::{exp2, log2};
 use crate::primaries::{Adaptation, D65, IDENTITY, Matrix3, Primaries, adaptation, inverse, multiply};
 use crate::table::{Interpolation, Lut1d};
+use granita_base::math::{exp2, log2};
 use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
 
 /// What a profile says of colours.

@@ -48,7 +48,6 @@ mod error;
 mod fixed;
 mod icc;
 mod lut;
-mod math;
 mod model;
 pub mod primaries;
 mod processor;

@@ -96,7 +96,7 @@ fn logc4() -> Directed {
     let a = (2_f64.powi(18) - 16.0) / 117.45;
     let b = (1023.0 - 95.0) / 1023.0;
     let c = 95.0 / 1023.0;
-    let lin_break = (2_f64.powf(14.0 * (-c / b) + 6.0) - 64.0) / a;
+    let lin_break = (libm::pow(2_f64, 14.0 * (-c / b) + 6.0) - 64.0) / a;
     camera(2.0, [b / 14.0, -6.0 * b / 14.0 + c], [a, 64.0], Some(lin_break), None)
 }
 
@@ -272,7 +272,7 @@ const STYLES: &[(&str, Make)] = &[
         film(curve, &V_GAMUT, Adaptation::Bradford)
     }),
     ("RED_REDLOGFILM-RWG_to_ACES2065-1", || {
-        let black = 10_f64.powf((95.0 - 685.0) / 300.0);
+        let black = libm::pow(10_f64, (95.0 - 685.0) / 300.0);
         let gain = 1.0 - black;
         let curve = camera(10.0, [300.0 / 1023.0, 685.0 / 1023.0], [gain, black], None, None);
         film(curve, &RED_WIDE, Adaptation::Bradford)
@@ -328,7 +328,7 @@ const STYLES: &[(&str, Make)] = &[
     ("CURVE - HLG-OETF", || Some(vec![named(Named::LinearToHlg)])),
     ("DISPLAY - CIE-XYZ-D65_to_REC.2100-HLG-1000nit", || {
         // ITU-R BT.2100, inverse OOTF with the gamma 1.2: 1000 cd/m2 becomes the largest value, 3.
-        let mut found = display(&Primaries::REC2020, scale(100.0 * 3_f64.powf(1.2) / 1000.0, 0.0))?;
+        let mut found = display(&Primaries::REC2020, scale(100.0 * libm::pow(3_f64, 1.2) / 1000.0, 0.0))?;
         found.push(Directed::forward(Transform::Fixed(Fixed::Surround(1.0 / 1.2))));
         found.push(named(Named::LinearToHlg));
         Some(found)

@@ -150,7 +150,7 @@ impl Attributes<'_> {
                 90.0
             }
         };
-        Projection::Perspective { cot_half_fov: 1.0 / (fov_deg.to_radians() * 0.5).tan() }
+        Projection::Perspective { cot_half_fov: 1.0 / libm::tanf(fov_deg.to_radians() * 0.5) }
     }
 
     /// "preview", from 0 to [`MAX_QUALITY`].

@@ -168,7 +168,7 @@ impl Viewer {
                 let back = to_camera.inverse();
                 let eye = if perspective { back.point(Vec3::ZERO) } else { back.vector(-Vec3::Z) };
                 let scale = [Vec3::X, Vec3::Y, Vec3::Z].map(|a| back.vector(a).length());
-                ViewerKey { eye, to_camera, scale: (scale[0] * scale[1] * scale[2]).cbrt() }
+                ViewerKey { eye, to_camera, scale: libm::cbrtf(scale[0] * scale[1] * scale[2]) }
             })
             .collect();
         Self { keys, perspective, pixel_cam: 1.0 / s.x.abs().max(s.y.abs()) }

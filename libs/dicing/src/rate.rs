@@ -628,7 +628,7 @@ impl<'a> Measure<'a> {
             if let Some(direction) = step.try_normalize() {
                 // The turning angle of a straight line is only rounding.
                 if let Some(cos) = before.map(|last| last.dot(direction)).filter(|cos| *cos < STRAIGHT) {
-                    turns[k] = cos.max(-1.0).acos();
+                    turns[k] = libm::acosf(cos.max(-1.0));
                 }
                 before = Some(direction);
             }
@@ -783,7 +783,7 @@ impl FixedDicing {
             let steps = (1..LATTICE).map(|k| {
                 let (a, b) = (start + (k - 1) * step, start + k * step);
                 let along = |x: usize| self.rate[x] * (values[x][b] - values[x][a]);
-                along(0).hypot(along(1))
+                libm::hypotf(along(0), along(1))
             });
             let sum: f32 = steps.sum();
             // Whole numbers are preserved in spite of the rounding of the sum.

@@ -44,7 +44,7 @@ impl Binary {
             Self::Min => a.min(b),
             Self::Max => a.max(b),
             Self::Pow if a < 0.0 && b.fract() != 0.0 => 0.0,
-            Self::Pow => a.powf(b),
+            Self::Pow => libm::powf(a, b),
         }
     }
 }

@@ -179,7 +179,7 @@ pub fn difference(a: &Image, b: &Image, limits: &DiffLimits) -> Result<Differenc
         pixels,
         mean: total.magnitude / count,
         rms,
-        psnr: 20.0 * (f64::from(total.peak.max(1.0)) / rms).log10(),
+        psnr: 20.0 * libm::log10(f64::from(total.peak.max(1.0)) / rms),
         max: total.max,
         max_at: place,
         max_values: values,

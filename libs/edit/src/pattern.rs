@@ -70,8 +70,8 @@ impl Noise {
             Self::Uniform { min, max } => v + min + (max - min) * number(0),
             // The method of G. Box and M. Muller (A Note on the Generation of Random Normal Deviates, 1958).
             Self::Gaussian { mean, deviation } => {
-                let radius = (-2.0 * (1.0 - number(0)).ln()).sqrt();
-                v + mean + deviation * radius * (std::f32::consts::TAU * number(1)).cos()
+                let radius = (-2.0 * libm::logf(1.0 - number(0))).sqrt();
+                v + mean + deviation * radius * libm::cosf(std::f32::consts::TAU * number(1))
             }
             Self::Salt { value, portion } => {
                 if number(0) < portion {

@@ -92,7 +92,7 @@ fn disk(x: f64, y: f64) -> [f64; 2] {
         return [0.0, 0.0];
     }
     let (r, angle) = if x.abs() > y.abs() { (x, EIGHTH * y / x) } else { (y, EIGHTH * (2.0 - x / y)) };
-    [r * angle.cos(), r * angle.sin()]
+    [r * libm::cos(angle), r * libm::sin(angle)]
 }
 
 impl PointsPiece {

@@ -41,7 +41,7 @@ impl SphereKey {
     /// Returns the sphere of a radius, a lower and upper cut, and a sweep angle.
     fn new([radius, zmin, zmax, theta_deg]: [f64; 4]) -> Self {
         let size = radius.abs();
-        let latitude = |z: f64| (z / radius).clamp(-1.0, 1.0).asin().to_degrees();
+        let latitude = |z: f64| libm::asin((z / radius).clamp(-1.0, 1.0)).to_degrees();
         let lower = if zmin > -size { latitude(zmin) } else { -90.0 };
         let upper = if zmax < size { latitude(zmax) } else { 90.0 };
         Self { radius, phi_deg: [lower, upper], theta_deg }
@@ -124,7 +124,7 @@ fn over_time(keys: &[ShapeKey<'_>], arguments: &[[f32; 4]]) -> (Vec<f32>, Vec<Sp
 /// and its poles are points.
 fn sin_cos_deg(x: f64) -> (f64, f64) {
     let quarter = (x / 90.0).round();
-    let (s, c) = (x - quarter * 90.0).to_radians().sin_cos();
+    let (s, c) = libm::sincos((x - quarter * 90.0).to_radians());
     match (quarter as i64).rem_euclid(4) {
         0 => (s, c),
         1 => (c, -s),

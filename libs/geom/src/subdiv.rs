@@ -309,7 +309,7 @@ impl Subdivision {
             // The limit tangents are those of Halstead, Kass and DeRose, "Efficient, Fair Interpolation using
             // Catmull-Clark Surfaces", 1993.
             let step = std::f64::consts::TAU / n as f64;
-            let a = 1.0 + step.cos() + (step * 0.5).cos() * (2.0 * (9.0 + step.cos())).sqrt();
+            let a = 1.0 + libm::cos(step) + libm::cos(step * 0.5) * (2.0 * (9.0 + libm::cos(step))).sqrt();
             for key in 0..self.times.len() {
                 let at = |vertex: u32, x: usize| cage.point(vertex)[key * 3 + x];
                 let (mut tangents, mut limit) = ([[0.0; 3]; 2], [0.0; 3]);
@@ -318,8 +318,10 @@ impl Subdivision {
                     for (k, &[_, next, opposite]) in fan.iter().enumerate() {
                         let (e, f) = (at(next, x), at(opposite, x));
                         let (here, there) = (k as f64 * step, (k + 1) as f64 * step);
-                        tangents[0][x] += e * (a * here.cos()) + f * (here.cos() + there.cos());
-                        tangents[1][x] += e * (a * here.sin()) + f * (here.sin() + there.sin());
+                        tangents[0][x] +=
+                            e * (a * libm::cos(here)) + f * (libm::cos(here) + libm::cos(there));
+                        tangents[1][x] +=
+                            e * (a * libm::sin(here)) + f * (libm::sin(here) + libm::sin(there));
                         limit[x] += e * 4.0 + f;
                     }
                     limit[x] /= (n * (n + 5)) as f64;

@@ -292,10 +292,14 @@ impl Arc<'_> {
             let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
             let (before, after, chord) = (sub(p, p0), sub(p1, p), sub(p1, p0));
             // The directions of the halves differ by half of the turning angle of the whole part.
-            let turn = 2.0 * cross(before, after).abs().atan2(before[0] * after[0] + before[1] * after[1]);
-            let length = chord[0].hypot(chord[1]);
-            let off =
-                if length > 0.0 { cross(before, chord).abs() / length } else { before[0].hypot(before[1]) };
+            let turn =
+                2.0 * libm::atan2(cross(before, after).abs(), before[0] * after[0] + before[1] * after[1]);
+            let length = libm::hypot(chord[0], chord[1]);
+            let off = if length > 0.0 {
+                cross(before, chord).abs() / length
+            } else {
+                libm::hypot(before[0], before[1])
+            };
             let curved = (turn > tolerance.angle || off > tolerance.sag) && out.len() < MANY_EDGES;
             if depth < LEAST_DEPTH || curved {
                 self.halve([b0, b], [p0, p], depth + 1, tolerance, out)?;

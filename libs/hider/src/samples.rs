@@ -415,7 +415,7 @@ fn disk(a: f32, b: f32) -> [f32; 2] {
     }
     let (r, phi) =
         if x.abs() > y.abs() { (x, FRAC_PI_4 * (y / x)) } else { (y, FRAC_PI_2 - FRAC_PI_4 * (x / y)) };
-    [r * phi.cos(), r * phi.sin()]
+    [r * libm::cosf(phi), r * libm::sinf(phi)]
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Conversions of colours that are not stored as red, green and blue, and the names of profiles, which several formats
 //! share.
 
+use granita_base::math;
+
 /// Returns red, green and blue of four inks from 0 (no ink) to 1, without a profile.
 pub fn cmyk_to_rgb([c, m, y, k]: [f32; 4]) -> [f32; 3] {
     [c, m, y].map(|ink| (1.0 - ink) * (1.0 - k))
@@ -22,7 +24,7 @@ pub fn lab_to_srgb([l, a, b]: [f32; 3]) -> [f32; 3] {
     ]
     .map(|v| {
         let v = v.clamp(0.0, 1.0);
-        if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+        if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * math::pow(v, 1.0 / 2.4) - 0.055 }
     })
 }
 

@@ -1,7 +1,7 @@
 //! Conversion of computed floats to stored values: gain, gamma, quantization and dither (reference 7.3.4, 7.4).
 
 use crate::{Format, PixelType, Pixels};
-use granita_base::{Params, hash};
+use granita_base::{Params, hash, math};
 use half::f16;
 
 /// The conversion of the values of an output to the values of its file.
@@ -113,7 +113,7 @@ impl Quantize {
     /// Applies gain and gamma to one colour value. Values of 0 and below are only multiplied.
     pub fn expose(&self, v: f32) -> f32 {
         let v = v * self.gain;
-        if self.gamma != 1.0 && v > 0.0 { v.powf(1.0 / self.gamma) } else { v }
+        if self.gamma != 1.0 && v > 0.0 { math::pow(v, f64::from(1.0 / self.gamma)) } else { v }
     }
 
     /// Converts rows of interleaved pixels to any type `stored`. Integer types use the levels, and float types only

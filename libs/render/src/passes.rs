@@ -101,7 +101,7 @@ impl ErrorEstimate {
     /// Returns the estimate with a bias, which is independent of the noise.
     pub(crate) fn with_bias(self, bias: &SquaredBias) -> Self {
         let bias = bias.root();
-        let [error, bound] = [self.error, self.bound].map(|noise| noise.hypot(bias));
+        let [error, bound] = [self.error, self.bound].map(|noise| libm::hypot(noise, bias));
         Self { error, bound, bias: Some(bias), ..self }
     }
 
@@ -336,7 +336,7 @@ mod tests {
 
     /// Returns the same after some passes, when its noise falls with a power.
     fn after(passes: u32, deviation: f64, power: f64) -> Spot {
-        let squared = deviation * deviation / 2.0 * (2.0 / f64::from(passes)).powf(power);
+        let squared = deviation * deviation / 2.0 * libm::pow(2.0 / f64::from(passes), power);
         Spot { pixels: 1024, squared, independent: squared, passes }
     }
 
@@ -355,7 +355,7 @@ mod tests {
                 spot.passes
             };
             let (many, few) = (needed(1.0), needed(0.1));
-            let ratio = 100.0_f64.powf(1.0 / (power + 1.0));
+            let ratio = libm::pow(100.0, 1.0 / (power + 1.0));
             assert!((f64::from(many) / f64::from(few) - ratio).abs() < 0.15 * ratio, "{many} {few}");
             let spots: Vec<Spot> = deviations.iter().map(|d| after(needed(*d), *d, power)).collect();
             let [mean, bound] = confident_error(&spots);

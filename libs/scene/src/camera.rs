@@ -38,7 +38,7 @@ impl Camera {
             ]);
         }
         let fov = self.get(attr::FOV).clamp(1.0e-3, 179.999);
-        let scale = 1.0 / (fov.to_radians() * 0.5).tan();
+        let scale = 1.0 / libm::tanf(fov.to_radians() * 0.5);
         #[rustfmt::skip]
         return Transform::from_rows(&[
             scale, 0.0, 0.0, 0.0,

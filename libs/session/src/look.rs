@@ -82,7 +82,7 @@ impl Session {
     fn half_tangent(&self) -> f32 {
         let state = self.state_ref();
         let fov = if state.is_given(attr::FOV.name()) { attr::FOV.ask(state) } else { FOV_DEG };
-        (0.5 * fov.clamp(1.0, 150.0)).to_radians().tan()
+        libm::tanf((0.5 * fov.clamp(1.0, 150.0)).to_radians())
     }
 
     /// Declares the camera and the image that the files lack.
@@ -97,7 +97,7 @@ impl Session {
             if &*attr::PROJECTION.ask(state) == "orthographic" {
                 params.push(attr::SCREEN.param(Some([-half * aspect, half * aspect, -half, half])));
             } else {
-                params.push(attr::FOV.param(self.half_tangent().atan().to_degrees() * 2.0));
+                params.push(attr::FOV.param(libm::atanf(self.half_tangent()).to_degrees() * 2.0));
             }
             params.retain(|param| !state.is_given(&param.name));
             let name = CAMERA.into();

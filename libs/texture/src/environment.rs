@@ -104,7 +104,7 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
         }
         let mut mean = Mean::default();
         for (x, weight) in probes.iter() {
-            let d = r * x.cos() + long * x.sin();
+            let d = r * libm::cosf(x) + long * libm::sinf(x);
             let value = if cube {
                 cube_probe(&mut sampler, d, probes.exact, quick)
             } else {
@@ -132,8 +132,8 @@ fn texel_at(file: &TextureFile, cube: bool, r: Vec3, width: f64) -> f64 {
         return most;
     }
     // The area of texels shrinks with the third power of the cosine of this angle.
-    let angle = f64::from(1.0 / cube::project(file.layout, r).stretch).clamp(-1.0, 1.0).acos();
-    most * (angle - 1.5 * width).clamp(0.0, 1.0).cos().powf(1.5)
+    let angle = libm::acos(f64::from(1.0 / cube::project(file.layout, r).stretch).clamp(-1.0, 1.0));
+    most * libm::pow(libm::cos((angle - 1.5 * width).clamp(0.0, 1.0)), 1.5)
 }
 
 /// Returns the level in which the ellipse is at least [`WIDE`] texels across, and its filter there.
@@ -149,11 +149,14 @@ fn smooth(
     // The smallest levels have too little angular detail.
     let enough = |level: &Level| size(level) >= if cube { 8 } else { 16 };
     let last = file.levels.iter().rposition(enough).unwrap_or(0);
-    let level = ((ellipse.b / texel / WIDE).log2().max(0.0) as usize).min(last);
+    let level = (libm::log2(ellipse.b / texel / WIDE).max(0.0) as usize).min(last);
     let (base, l) = (&file.levels[0], &file.levels[level]);
     let texel = texel * f64::from(size(base)) / f64::from(size(l));
-    let around =
-        if cube { texel } else { f64::from(r.x.hypot(r.y)) * std::f64::consts::TAU / f64::from(l.width) };
+    let around = if cube {
+        texel
+    } else {
+        f64::from(libm::hypotf(r.x, r.y)) * std::f64::consts::TAU / f64::from(l.width)
+    };
     (level, Lobe::new(r, (east, north), ellipse.at_least(texel, MAX_RATIO).spread(), (around, texel)))
 }
 
@@ -165,7 +168,7 @@ fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f
     // mean.
     let texels = width * 0.5 * sampler.level(0).face_width as f32 * p.stretch * p.stretch.sqrt();
     let texels = texels.max(1.0);
-    let lod = texels.log2();
+    let lod = libm::log2f(texels);
     let (level, share) = levels(if quick { lod.round() } else { lod }, sampler.last());
     let (s, t) = (p.s.clamp(0.0, 1.0), p.t.clamp(0.0, 1.0));
     let value = sampler.cube_bilinear(level, p.face, s, t);
@@ -175,10 +178,10 @@ fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f
 /// Returns a round probe of a latitude-longitude map in a direction in the map's frame. `width` selects the level,
 /// and `exact` is the width along the rows. A quick probe reads only the nearer level.
 fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, (width, exact): (f32, f32), quick: bool) -> [f32; 4] {
-    let around = d.x.hypot(d.y);
-    let s = d.y.atan2(d.x) / TAU + 0.5;
-    let t = around.atan2(d.z) / PI;
-    let lod = (width * sampler.level(0).height as f32 / PI).log2();
+    let around = libm::hypotf(d.x, d.y);
+    let s = libm::atan2f(d.y, d.x) / TAU + 0.5;
+    let t = libm::atan2f(around, d.z) / PI;
+    let lod = libm::log2f(width * sampler.level(0).height as f32 / PI);
     let (level, share) = levels(if quick { lod.round() } else { lod }, sampler.last());
     let span = (exact / (TAU * around.max(1e-6))).min(1.0);
     let value = latlong_level(sampler, level, s, t, span);

@@ -114,7 +114,7 @@ impl Probes {
         let Self { count, reach, .. } = *self;
         (0..count).map(move |i| {
             let x = (2 * i + 1) as f32 / count as f32 - 1.0;
-            (x * reach, (-2.0 * x * x).exp())
+            (x * reach, libm::expf(-2.0 * x * x))
         })
     }
 }

@@ -79,7 +79,7 @@ pub(crate) fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Ta
 pub(crate) fn solid_taps(from: usize, to: usize) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     // This is 1 - cos t without cancellation near the pole.
-    let cap = |row: f64| 2.0 * (row / from as f64 * std::f64::consts::FRAC_PI_2).sin().powi(2);
+    let cap = |row: f64| 2.0 * libm::sin(row / from as f64 * std::f64::consts::FRAC_PI_2).powi(2);
     (0..to)
         .map(|o| {
             let (begin, end) = (o as f64 * scale, (o + 1) as f64 * scale);

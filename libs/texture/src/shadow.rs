@@ -118,7 +118,7 @@ fn volume_lod(
     let (w, h) = (file.levels[0].width as f32, file.levels[0].height as f32);
     let side = |d: Vec3| {
         place(camera, screen, q.p + d)
-            .map_or(0.0, |(s, t, _)| ((s - s0) * q.swidth * w).hypot((t - t0) * q.twidth * h))
+            .map_or(0.0, |(s, t, _)| libm::hypotf((s - s0) * q.swidth * w, (t - t0) * q.twidth * h))
     };
     lod_of(q, side(q.dpdx), side(q.dpdy), (w, h))
 }
@@ -127,7 +127,7 @@ fn volume_lod(
 fn lod_of(q: &ShadowLookup, dx: f32, dy: f32, (w, h): (f32, f32)) -> f32 {
     let width = (dx * dy).sqrt() + (q.sblur * w).abs().max((q.tblur * h).abs());
     let samples = q.samples.clamp(SAMPLES.0, SAMPLES.1) as f32;
-    (width / samples.sqrt()).max(1.0).log2()
+    libm::log2f((width / samples.sqrt()).max(1.0))
 }
 
 /// Returns the bilinearly weighted share of the four texels around (s, t) that are nearer than `z`. Outside the map
@@ -174,7 +174,7 @@ fn cube_shadow(
     let lod = if volume {
         // A face spans two units at the distance 1.
         let texels = file.levels[0].face_width as f32;
-        let wide = |d: Vec3| (d.dot(east) * q.swidth).hypot(d.dot(north) * q.twidth) * texels / side;
+        let wide = |d: Vec3| libm::hypotf(d.dot(east) * q.swidth, d.dot(north) * q.twidth) * texels / side;
         lod_of(q, wide(dx), wide(dy), (texels, texels))
     } else {
         0.0

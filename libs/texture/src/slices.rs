@@ -130,17 +130,17 @@ fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, o
     let blur = (sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size).abs();
     let all = f64::from(blur.min_element().max(blur.max_element() / MAX_BLUR_RATIO));
     if all > 0.0 {
-        (ellipse.a, ellipse.b) = (ellipse.a.hypot(all), ellipse.b.hypot(all));
+        (ellipse.a, ellipse.b) = (libm::hypot(ellipse.a, all), libm::hypot(ellipse.b, all));
     }
     let probes = ellipse.probes(1.0);
     let step = (first * ellipse.axis[0] + second * ellipse.axis[1]) / size;
-    let (level, share) = levels(probes.width.log2(), blocks.len() - 1);
+    let (level, share) = levels(libm::log2f(probes.width), blocks.len() - 1);
     let width = f64::from(probes.width);
     // The probes of the additional blur along each axis.
     let more: [Line; 3] = std::array::from_fn(|k| {
         let more = (f64::from(blur[k]).powi(2) - all * all).max(0.0).sqrt();
         if more > 0.0 {
-            let line = Ellipse { axis: [1.0, 0.0], a: width.hypot(more), b: width };
+            let line = Ellipse { axis: [1.0, 0.0], a: libm::hypot(width, more), b: width };
             Line::of(line.probes(1.0).iter().map(|(x, weight)| (x / size[k], weight)))
         } else {
             Line::of(std::iter::once((0.0, 1.0)))

@@ -70,7 +70,7 @@ impl Lobe {
         let axis = e.axis;
         let long = east * axis[0] + north * axis[1];
         let deviations = [0.5 * e.a, 0.5 * e.b.max(0.1 * texel.0.min(texel.1))];
-        let end = |deviation: f64| 2.0 * (0.5 * f64::from(CUT) * deviation).min(1.0).asin();
+        let end = |deviation: f64| 2.0 * libm::asin((0.5 * f64::from(CUT) * deviation).min(1.0));
         let scale = |deviation: f64| (-0.5 * std::f64::consts::LOG2_E / (deviation * deviation)) as f32;
         let axes = [long, centre.cross(long)];
         let frame = [centre, axes[0], axes[1]].map(|v| [f64::from(v.x), f64::from(v.y), f64::from(v.z)]);
@@ -102,7 +102,7 @@ struct Turn {
 
 impl Turn {
     fn by(angle: f64) -> Self {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         Self { cos, sin }
     }
 
@@ -130,7 +130,7 @@ impl Sampler<'_> {
         for (face, f) in layout.faces().iter().enumerate() {
             let in_face = |v: Vec3| [v.dot(f.forward), v.dot(f.right), v.dot(f.up)].map(f64::from);
             let r = in_face(lobe.centre);
-            if r[0].clamp(-1.0, 1.0).acos() > lobe.ends[0] + CORNER {
+            if libm::acos(r[0].clamp(-1.0, 1.0)) > lobe.ends[0] + CORNER {
                 continue;
             }
             // The footprint lies in the cone (d.r)^2 >= (d.e0 / tan end_0)^2 + (d.e1 / tan end_1)^2. On the face, where
@@ -140,7 +140,7 @@ impl Sampler<'_> {
             let mut m = [[0.0_f64; 3]; 3];
             if narrow {
                 let e = lobe.axes.map(in_face);
-                let inverse = lobe.ends.map(|end| (1.03 * end.tan()).powi(-2));
+                let inverse = lobe.ends.map(|end| (1.03 * libm::tan(end)).powi(-2));
                 for (i, row) in m.iter_mut().enumerate() {
                     for (j, v) in row.iter_mut().enumerate() {
                         *v = r[i] * r[j] - e[0][i] * e[0][j] * inverse[0] - e[1][i] * e[1][j] * inverse[1];
@@ -209,8 +209,8 @@ impl Sampler<'_> {
     pub(crate) fn latlong_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let (width, height) = (self.level(level).width, self.level(level).height);
         let r = lobe.centre.as_dvec3();
-        let around = r.x.hypot(r.y);
-        let (polar, azimuth) = (around.atan2(r.z), r.y.atan2(r.x));
+        let around = libm::hypot(r.x, r.y);
+        let (polar, azimuth) = (libm::atan2(around, r.z), libm::atan2(r.y, r.x));
         let end = lobe.ends[0];
         let per_row = PI / f64::from(height);
         let per_column = TAU / f64::from(width);
@@ -276,15 +276,15 @@ struct Outline {
 impl Outline {
     fn new(lobe: &Lobe, polar: f64) -> Self {
         let end = lobe.ends[0];
-        let least = (polar - end).min(PI - polar - end).max(0.0).sin().max(1e-9);
+        let least = libm::sin((polar - end).min(PI - polar - end).max(0.0)).max(1e-9);
         // The distance to the north differs by this much, in radians, from the difference of polar angles.
-        let bent = polar.cos().abs() * end * end / (2.0 * least) + end * end * end;
+        let bent = libm::cos(polar).abs() * end * end / (2.0 * least) + end * end * end;
         let half = 0.5 * f64::from(CUT) * 1.03;
         let s = lobe.spread;
         let short = s.ellipse().b * half;
         let more = (short + bent).powi(2) - short * short;
         let squared = half * half;
-        let cos_end = if end >= 2.0 * FRAC_PI_2 { -1.0 } else { end.cos() };
+        let cos_end = if end >= 2.0 * FRAC_PI_2 { -1.0 } else { libm::cos(end) };
         Self { cos_end, xx: s.xx * squared + more, xy: s.xy * squared, yy: s.yy * squared + more }
     }
 
@@ -306,7 +306,7 @@ impl Outline {
             let longer = |v: f64| v / sin * (1.0 + 0.5 * v * v / (sin * sin));
             return Some((longer(middle - reach), longer(middle + reach)));
         }
-        let half = if rest <= -most { PI } else { (rest / most).acos() };
+        let half = if rest <= -most { PI } else { libm::acos(rest / most) };
         Some((-half, half))
     }
 }

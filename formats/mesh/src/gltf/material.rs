@@ -250,7 +250,7 @@ impl TextureTransform {
         if *self == PLAIN.transform {
             return [u, v];
         }
-        let (sin, cos) = self.rotation.sin_cos();
+        let (sin, cos) = libm::sincosf(self.rotation);
         let (u, v) = (u * self.scale[0], v * self.scale[1]);
         [u * cos + v * sin + self.offset[0], v * cos - u * sin + self.offset[1]]
     }

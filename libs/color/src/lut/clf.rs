@@ -32,7 +32,7 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Vec<Directed>, ColorError>
             "LUT3D" => reader.lut_3d(node, &mut found)?,
             "Range" => reader.range(node, &mut found)?,
             "Exponent" => reader.exponent(node, &mut found)?,
-            "Log" => reader.log(node, &mut found)?,
+            "Log" => reader.log_params(node, &mut found)?,
             "ASC_CDL" => reader.cdl(node, &mut found)?,
             other => return Err(reader.unsupported(node, format!("the process {other}"))),
         }
@@ -229,7 +229,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn log(&self, node: Node<'a, 'a>, found: &mut Vec<Directed>) -> Result<(), ColorError> {
+    fn log_params(&self, node: Node<'a, 'a>, found: &mut Vec<Directed>) -> Result<(), ColorError> {
         let style = node.attribute("style").unwrap_or_default();
         let (base, inverse, camera) = match style {
             "log10" => (10.0, false, false),

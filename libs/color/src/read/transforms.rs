@@ -60,9 +60,9 @@ impl Reader<'_> {
                 )
             }
             "Log" => Transform::Log(LogParams::pure(self.number_of(node, "base")?.unwrap_or(2.0))),
-            "LogAffine" => Transform::Log(self.log(node)?),
+            "LogAffine" => Transform::Log(self.log_params(node)?),
             "LogCamera" => {
-                let log = self.log(node)?;
+                let log = self.log_params(node)?;
                 if log.lin_break.is_none() {
                     return Err(self.malformed(node, "lin_side_break is missing"));
                 }
@@ -131,7 +131,7 @@ impl Reader<'_> {
         }
     }
 
-    fn log(&self, node: &Node) -> Result<LogParams, ColorError> {
+    fn log_params(&self, node: &Node) -> Result<LogParams, ColorError> {
         let optional = |key| match node.get(key) {
             None => Ok(None),
             Some(_) => self.three(node, key, 0.0).map(Some),

@@ -120,7 +120,7 @@ impl CameraView {
                 (screen[0], screen[1]) = (screen[0] - shift, screen[1] - shift);
             }
             EyeProjection::ToeIn => {
-                let reach = x_cam.hypot(stereo.convergence);
+                let reach = libm::hypotf(x_cam, stereo.convergence);
                 let (sin, cos) = (-x_cam / reach, stereo.convergence / reach);
                 // The axes of the eye are the columns of the matrix.
                 to_eye = to_eye.then(&Transform::from_rows(&[

@@ -170,7 +170,7 @@ fn hull(primitive: &Primitive, to_world: &Transform, points: &mut Vec<(Vec3, f32
             let z = zmin + (zmax - zmin) * i as f32 / rows as f32;
             let ring = (radius * radius - z * z).max(0.0).sqrt();
             for k in 0..=columns {
-                let (sin, cos) = (thetamax_deg.to_radians() * k as f32 / columns as f32).sin_cos();
+                let (sin, cos) = libm::sincosf(thetamax_deg.to_radians() * k as f32 / columns as f32);
                 points.push((to_world.point(Vec3::new(ring * cos, ring * sin, z)), 0.0));
             }
         }

@@ -215,6 +215,6 @@ fn round(value: f32) -> f32 {
     if value <= 0.0 || !value.is_finite() {
         return 1.0;
     }
-    let unit = 10.0_f32.powf(value.log10().floor() - 1.0);
+    let unit = libm::powf(10.0_f32, libm::log10f(value).floor() - 1.0);
     (value / unit).round() * unit
 }

@@ -27,7 +27,7 @@ impl Eye {
             camera_to_world: world_to_camera.inverse(),
             window: camera.screen_window(),
             resolution: camera.resolution().map(|n| n as f32),
-            tangent: (!orthographic).then(|| (0.5 * fov_deg).to_radians().tan()),
+            tangent: (!orthographic).then(|| libm::tanf((0.5 * fov_deg).to_radians())),
             near: camera.get(attr::NEAR),
         }
     }
@@ -75,7 +75,7 @@ pub(crate) fn moved(by: Vec3) -> MotionTransform {
 pub(crate) fn turned(around: Vec3, from: Vec3, to: Vec3) -> Option<MotionTransform> {
     let (from, to) = (from.try_normalize()?, to.try_normalize()?);
     let cross = from.cross(to);
-    let angle_rad = cross.length().atan2(from.dot(to));
+    let angle_rad = libm::atan2f(cross.length(), from.dot(to));
     if angle_rad == 0.0 {
         return None;
     }
@@ -87,14 +87,14 @@ pub(crate) fn turned(around: Vec3, from: Vec3, to: Vec3) -> Option<MotionTransfo
 
 /// Returns the angles of a direction in degrees: around the y axis from z towards x, and above the plane of x and z.
 pub(crate) fn angles_deg(direction: Vec3) -> [f32; 2] {
-    let flat = direction.x.hypot(direction.z);
-    [direction.x.atan2(direction.z).to_degrees(), direction.y.atan2(flat).to_degrees()]
+    let flat = libm::hypotf(direction.x, direction.z);
+    [libm::atan2f(direction.x, direction.z).to_degrees(), libm::atan2f(direction.y, flat).to_degrees()]
 }
 
 /// Returns the direction of two angles, see [`angles_deg`].
 pub(crate) fn direction([around_deg, above_deg]: [f32; 2]) -> Vec3 {
-    let (sin, cos) = around_deg.to_radians().sin_cos();
-    let (up, flat) = above_deg.to_radians().sin_cos();
+    let (sin, cos) = libm::sincosf(around_deg.to_radians());
+    let (up, flat) = libm::sincosf(above_deg.to_radians());
     Vec3::new(sin * flat, up, cos * flat)
 }
 

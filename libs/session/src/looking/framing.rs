@@ -50,14 +50,14 @@ impl Axes {
 
     /// Returns the view from farther to the right.
     fn turned(self, angle_rad: f32) -> Self {
-        let (sin, cos) = angle_rad.sin_cos();
+        let (sin, cos) = libm::sincosf(angle_rad);
         let Self { right, up, forward } = self;
         Self { right: right * cos + forward * sin, up, forward: forward * cos - right * sin }
     }
 
     /// Returns the view from farther up.
     fn raised(self, angle_rad: f32) -> Self {
-        let (sin, cos) = angle_rad.sin_cos();
+        let (sin, cos) = libm::sincosf(angle_rad);
         let Self { right, up, forward } = self;
         Self { right, up: up * cos + forward * sin, forward: forward * cos - up * sin }
     }

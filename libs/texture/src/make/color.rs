@@ -1,5 +1,6 @@
 //! Gamma and the conversion of colours. Colours become linear light before MIP levels are made, and are encoded after.
 
+use granita_base::math;
 use granita_color::Processor;
 use half::f16;
 use rayon::prelude::*;
@@ -23,7 +24,7 @@ pub struct ColorConvert {
 
 /// Raises the magnitude to a power, and keeps the sign.
 fn power(v: f32, g: f32) -> f32 {
-    if g == 1.0 { v } else { v.abs().powf(g).min(1e30).copysign(v) }
+    if g == 1.0 { v } else { math::pow(v.abs(), f64::from(g)).min(1e30).copysign(v) }
 }
 
 /// The conversion of the colours of the inputs, and of those of the texture.

@@ -27,8 +27,8 @@ pub(super) fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
 pub(super) fn latlong_at(p: &Image, up: Up, d: Vec3, out: &mut [f32]) {
     let d = to_map(d, up);
     let (w, h) = (p.width as i32, p.height as i32);
-    let s = d.y.atan2(d.x) / TAU + 0.5;
-    let t = d.x.hypot(d.y).atan2(d.z) / PI;
+    let s = libm::atan2f(d.y, d.x) / TAU + 0.5;
+    let t = libm::atan2f(libm::hypotf(d.x, d.y), d.z) / PI;
     let (x, y, fx, fy) = between(s * w as f32, t * h as f32);
     let texel = |x: i32, y: i32| {
         let (y, turn) = if y < 0 {
@@ -101,7 +101,11 @@ pub(crate) fn to_latlong(faces: &[Image; 6], up: Up, (w, h): (usize, usize)) -> 
     let sub = points(faces[0].width as f32 * 4.0, w as f32);
     supersampled((w, h), faces[0].channels, sub, |x, y, out| {
         let (phi, theta) = ((x / w as f32 - 0.5) * TAU, y / h as f32 * PI);
-        let d = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        let d = Vec3::new(
+            libm::sinf(theta) * libm::cosf(phi),
+            libm::sinf(theta) * libm::sinf(phi),
+            libm::cosf(theta),
+        );
         let d = match up {
             Up::Z => d,
             Up::Y => Vec3::new(-d.y, d.z, d.x),

@@ -115,7 +115,11 @@ impl Directions {
         match self {
             Self::LatLong => {
                 let (phi, theta) = ((s - 0.5) * TAU, t * PI);
-                let (ahead, right, pole) = (theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+                let (ahead, right, pole) = (
+                    libm::sinf(theta) * libm::cosf(phi),
+                    libm::sinf(theta) * libm::sinf(phi),
+                    libm::cosf(theta),
+                );
                 Some(match up {
                     Up::Z => Vec3::new(ahead, right, pole),
                     Up::Y => Vec3::new(right, pole, ahead),
@@ -123,12 +127,12 @@ impl Directions {
             }
             Self::Probe => {
                 let (u, v) = (2.0 * s - 1.0, 1.0 - 2.0 * t);
-                let r = u.hypot(v);
+                let r = libm::hypotf(u, v);
                 if r > 1.0 {
                     return None;
                 }
-                let across = if r > 0.0 { (r * PI).sin() / r } else { PI };
-                Some(Vec3::new(u * across, v * across, (r * PI).cos()))
+                let across = if r > 0.0 { libm::sinf(r * PI) / r } else { PI };
+                Some(Vec3::new(u * across, v * across, libm::cosf(r * PI)))
             }
             _ => {
                 let (columns, rows) = self.cells()?;
@@ -239,7 +243,7 @@ fn probe_at(p: &Image, d: Vec3, out: &mut [f32]) {
     let radius = p.width as f32 * 0.5;
     // The four texels lie within the circle when the point is a texel away from its edge.
     let inside = ((radius - 1.0) / radius).max(0.0);
-    let shrink = (inside / u.hypot(v).max(f32::MIN_POSITIVE)).min(1.0);
+    let shrink = (inside / libm::hypotf(u, v).max(f32::MIN_POSITIVE)).min(1.0);
     let (x, y) = ((1.0 + u * shrink) * radius, (1.0 - v * shrink) * radius);
     let (x, y, fx, fy) = between(x, y);
     let last = p.width as i32 - 1;

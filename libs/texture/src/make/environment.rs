@@ -43,7 +43,7 @@ pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
 /// Returns a square image with the field of view `fov_deg` as one with 90 degrees and `n` pixels a side. It is cropped,
 /// or extended by its border.
 fn refit(face: &Image, fov_deg: f32, n: usize) -> Image {
-    let scale = 1.0 / (fov_deg.to_radians() * 0.5).tan();
+    let scale = 1.0 / libm::tanf(fov_deg.to_radians() * 0.5);
     if (scale - 1.0).abs() < 1e-6 {
         return face.resized(n, n, Filter::CatmullRom, CLAMP);
     }
@@ -242,12 +242,12 @@ pub(crate) fn vertical_cross(input: Input, cubes: Cubes<'_>) -> Result<Texture> 
 /// Returns the position of a direction (+z ahead, +x right, +y up) in an angular map, in [-1, 1] to the right and up.
 /// The distance from the centre is the angle from +z over pi (P. Debevec, Light Probe Image Gallery).
 pub(crate) fn angular(d: Vec3) -> (f32, f32) {
-    let across = d.x.hypot(d.y);
+    let across = libm::hypotf(d.x, d.y);
     if across == 0.0 {
         // The direction ahead is the centre. The direction behind is the whole rim, which the right end represents.
         return if d.z >= 0.0 { (0.0, 0.0) } else { (1.0, 0.0) };
     }
-    let r = across.atan2(d.z) / std::f32::consts::PI / across;
+    let r = libm::atan2f(across, d.z) / std::f32::consts::PI / across;
     (d.x * r, d.y * r)
 }
 

@@ -99,8 +99,8 @@ impl Kernel {
             Self::Box => f32::from(u8::from(r <= 1.0)),
             Self::Disk => f32::from(u8::from(r < 1.0)),
             Self::Triangle => (1.0 - r).max(0.0),
-            Self::Gaussian if r < 1.0 => (-2.0 * r * r).exp(),
-            Self::SharpGaussian if r < 1.0 => (-4.0 * r * r).exp(),
+            Self::Gaussian if r < 1.0 => libm::expf(-2.0 * r * r),
+            Self::SharpGaussian if r < 1.0 => libm::expf(-4.0 * r * r),
             Self::BlackmanHarris => Filter::BlackmanHarris.weight(x, width),
             // The sinc is not stretched, only its end is.
             Self::Sinc if r <= 1.0 => sinc(x),
@@ -128,7 +128,7 @@ impl Kernel {
     pub fn weight_at(self, (x, y): (f32, f32), (width, height): (f32, f32)) -> f32 {
         if self.is_radial() {
             // A distance of 1 is the edge.
-            let r = (2.0 * x / width).hypot(2.0 * y / height);
+            let r = libm::hypotf(2.0 * x / width, 2.0 * y / height);
             self.weight(r, 2.0)
         } else {
             self.weight(x, width) * self.weight(y, height)
@@ -244,13 +244,9 @@ const LOG: (f32, f32, f32) = (-0.545_768_86, 0.183_516_7, 284.357_8);
 /// kept, such as alpha.
 pub(crate) fn compress_highlights(image: &mut Image, skip: &[usize]) {
     let (a, b, c) = LOG;
-    each(
-        image,
-        skip,
-        |v| {
-            if v.abs() <= HIGHLIGHT { v } else { (a + b * (c * v.abs() + 1.0).ln()).copysign(v) }
-        },
-    );
+    each(image, skip, |v| {
+        if v.abs() <= HIGHLIGHT { v } else { (a + b * libm::logf(c * v.abs() + 1.0)).copysign(v) }
+    });
 }
 
 /// Does the inverse of [`compress_highlights`]. Negative results become 0.
@@ -260,7 +256,7 @@ pub(crate) fn expand_highlights(image: &mut Image, skip: &[usize]) {
         if v.abs() <= HIGHLIGHT {
             return v;
         }
-        let power = ((v.abs() - a) / b).exp();
+        let power = libm::expf((v.abs() - a) / b);
         let x = (power - 1.0) / c;
         (if x < HIGHLIGHT { (-power - 1.0) / c } else { x }).copysign(v)
     });

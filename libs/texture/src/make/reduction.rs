@@ -125,7 +125,7 @@ impl Reduction {
         }
         for y in 0..to.1 {
             let (a, b, part) = pair(y, from.1, to.1);
-            let sine = |row: usize| (PI * (row as f32 + 0.5) / from.1 as f32).sin();
+            let sine = |row: usize| libm::sinf(PI * (row as f32 + 0.5) / from.1 as f32);
             let (w0, w1) = ((1.0 - part) * sine(a), part * sine(b));
             let part = if panorama { w1 / (w0 + w1) } else { part };
             down.push([(a, 1.0 - part), (b, part)]);

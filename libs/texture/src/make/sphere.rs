@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Returns the solid angle of the part of a face's plane between its centre and (u, v), in units of half its size.
 fn corner(u: f64, v: f64) -> f64 {
-    (u * v).atan2((u * u + v * v + 1.0).sqrt())
+    libm::atan2(u * v, (u * u + v * v + 1.0).sqrt())
 }
 
 /// Converts a fraction of the face to a coordinate of its plane.
@@ -69,7 +69,7 @@ fn cube_mean(faces: &[Image; 6]) -> Vec<f64> {
 /// Returns the mean of every channel of a latitude-longitude map over the sphere.
 pub(crate) fn latlong_mean(p: &Image) -> Vec<f64> {
     let mut total = vec![0.0; p.channels];
-    let weight = |y: usize| ((y as f64 + 0.5) / p.height as f64 * std::f64::consts::PI).sin();
+    let weight = |y: usize| libm::sin((y as f64 + 0.5) / p.height as f64 * std::f64::consts::PI);
     let all: f64 = (0..p.height).map(weight).sum::<f64>() * p.width as f64;
     for y in 0..p.height {
         let w = weight(y) / all;
@@ -226,7 +226,7 @@ fn cube_filtered(faces: &[Image; 6], filter: Filter) -> [Image; 6] {
     let place = |i: usize| (i as f32 - margin as f32 + 0.5) / n as f32;
     let measure = |x: usize, y: usize| {
         let (u, v) = (plane(f64::from(place(x))), plane(f64::from(place(y))));
-        (1.0 + u * u + v * v).powf(-1.5)
+        libm::pow(1.0 + u * u + v * v, -1.5)
     };
     std::array::from_fn(|face| {
         let mut padded = Image::new(size, size, channels);
@@ -262,7 +262,7 @@ fn latlong_filtered(p: &Image, filter: Filter) -> Image {
             padded.texel_mut(x, y).copy_from_slice(p.texel(column, row));
         }
     }
-    let sine = |y: usize| ((y as f64 - margin as f64 + 0.5) / h as f64 * std::f64::consts::PI).sin().abs();
+    let sine = |y: usize| libm::sin((y as f64 - margin as f64 + 0.5) / h as f64 * std::f64::consts::PI).abs();
     filtered(&padded, margin, (w, h), to, filter, |_, y| sine(y))
 }
 

@@ -228,8 +228,12 @@ fn panorama_of_probe(probe: &Picture) -> Picture {
         let polar = ((height - 1 - y) as f32 + 0.5) / height as f32 * PI;
         for (x, texel) in row.chunks_exact_mut(from.channels).enumerate() {
             let around = (x as f32 + 0.5) / width as f32 * TAU;
-            let d = (polar.sin() * around.sin(), polar.cos(), -polar.sin() * around.cos());
-            let r = d.2.clamp(-1.0, 1.0).acos() / PI / d.0.hypot(d.1);
+            let d = (
+                libm::sinf(polar) * libm::sinf(around),
+                libm::cosf(polar),
+                -libm::sinf(polar) * libm::cosf(around),
+            );
+            let r = libm::acosf(d.2.clamp(-1.0, 1.0)) / PI / libm::hypotf(d.0, d.1);
             let place = |v: f32, n: usize| (v * r + 1.0) * 0.5 * n as f32;
             from.bilinear(place(d.0, from.width), place(d.1, from.height), texel);
         }

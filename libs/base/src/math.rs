@@ -4,7 +4,7 @@
 /// Returns the logarithm to the base 2 of a positive number; negative infinity for 0, infinity for infinity, and NaN
 /// for NaN and negative numbers. The error is below 2e-11 of the result.
 #[inline(always)]
-pub(crate) fn log2(x: f32) -> f64 {
+pub fn log2(x: f32) -> f64 {
     // Denormal numbers become normal ones.
     let small = x < f32::MIN_POSITIVE;
     let scaled = if small { x * 16_777_216.0 } else { x };
@@ -32,7 +32,7 @@ pub(crate) fn log2(x: f32) -> f64 {
 /// Returns 2 to the power `x`, for results that a float can hold. Larger results are infinite as floats. The relative
 /// error is below 2e-10.
 #[inline(always)]
-pub(crate) fn exp2(x: f64) -> f64 {
+pub fn exp2(x: f64) -> f64 {
     // Adding 1.5 * 2^52 rounds to an integer, which is then in the low bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let bounded = if x < -1000.0 { -1000.0 } else { x };
@@ -53,7 +53,7 @@ pub(crate) fn exp2(x: f64) -> f64 {
 
 /// Returns `x` to the power `y`, for `x >= 0` and `y > 0`.
 #[inline(always)]
-pub(crate) fn pow(x: f32, y: f64) -> f32 {
+pub fn pow(x: f32, y: f64) -> f32 {
     exp2(log2(x) * y) as f32
 }
 
