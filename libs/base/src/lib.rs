@@ -57,7 +57,7 @@ pub use files::{AtomicFile, Confinement, FileError, FileStamp, Files, MovedFolde
 pub use filter::Filter;
 pub use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 pub use lru::Lru;
-pub use noise::{NoiseSource, PassNumbers};
+pub use noise::{NoiseSource, NoiseSources, PassNumbers};
 pub use number::{Number, scan_number};
 pub use once::OnceMap;
 pub use parallel::parallel_map;

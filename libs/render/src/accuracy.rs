@@ -31,14 +31,19 @@ impl Accuracy {
     /// the next. Where it grows, nothing is known of the rest, as of highlights that are smaller than the distance of
     /// points.
     pub(crate) fn shown_of_coarse(change: f64, (coarser, noise): (f64, f64)) -> f64 {
-        let (most, ratio) = (Self::SHOWN.powi(2), change / coarser);
-        if coarser <= 2.0 * noise {
-            most
-        } else if ratio > Self::GROWING {
+        let most = Self::SHOWN.powi(2);
+        if Self::grows(change, (coarser, noise)) {
             Self::SHOWN_OF_GROWING.powi(2)
+        } else if coarser <= 2.0 * noise {
+            most
         } else {
-            (1.0 - ratio).clamp(Self::LEAST_SHOWN.powi(2), most)
+            (1.0 - change / coarser).clamp(Self::LEAST_SHOWN.powi(2), most)
         }
+    }
+
+    /// True when the accuracy above a coarse image changes more than the one below.
+    pub(crate) fn grows(change: f64, (coarser, noise): (f64, f64)) -> bool {
+        coarser > 2.0 * noise && change / coarser > Self::GROWING
     }
 
     /// What the scene says.
@@ -94,6 +99,8 @@ pub(crate) struct SquaredBias {
     pub(crate) deviation: f64,
     /// The part of it that comes from noise, and not from the choice of a few parts of the image.
     pub(crate) noise: f64,
+    /// True when finer surfaces change a coarse image more than coarser ones do, so that little is known of the rest.
+    pub(crate) grows: bool,
 }
 
 impl SquaredBias {
@@ -105,6 +112,11 @@ impl SquaredBias {
     /// True when noise hides less than half of it, or of what a requested error permits.
     pub(crate) fn is_known_for(&self, error: f64) -> bool {
         self.noise <= 0.5 * self.value.max((Accuracy::SHARE * error).powi(2))
+    }
+
+    /// True when it is known well enough to say how little of it is left on higher levels.
+    pub(crate) fn shows_rest(&self) -> bool {
+        !self.grows && self.noise <= 0.5 * self.value
     }
 
     /// True for what coarser surfaces change when it is too small for a requested error to depend on bias.
@@ -129,7 +141,7 @@ impl SquaredBias {
 
     /// Returns it times a factor.
     pub(crate) fn scaled(self, by: f64) -> Self {
-        Self { value: by * self.value, deviation: by * self.deviation, noise: by * self.noise }
+        Self { value: by * self.value, deviation: by * self.deviation, noise: by * self.noise, ..self }
     }
 
     /// Returns the squared noise that an image may have for an error. What is not known of the bias counts as bias, up

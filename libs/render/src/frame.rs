@@ -9,6 +9,7 @@ mod coarse;
 mod demand;
 mod job;
 mod kept;
+mod larger;
 mod levels;
 mod limits;
 mod measured;

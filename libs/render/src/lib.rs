@@ -31,6 +31,7 @@ mod dynamic;
 mod environment;
 mod error;
 mod frame;
+mod larger;
 mod nearby;
 mod output;
 mod passes;

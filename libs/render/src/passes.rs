@@ -11,10 +11,10 @@
 //! What all passes have in common is bias. With a requested error, the first passes are coarse: they have twice the
 //! dicing step, and fewer records of indirect light and occlusion. They are rendered once more with four times the
 //! step, which shows where there is bias. Some parts of the image are then rendered with half of the step and more
-//! records. Where the bias is too large, the passes begin again with the accuracy of the scene, for which the bias is
-//! measured in the same way, and then with finer surfaces ([`crate::accuracy`]), and once more where these are much
-//! finer. Where many passes are needed, they have more samples each. Filters of textures and shadow maps are not part
-//! of it.
+//! records. Where the bias is too large, the passes begin again with the accuracy that it shows to be needed. Where it
+//! does not show that, they have the accuracy of the scene, for which the bias is measured in the same way, and then
+//! finer surfaces ([`crate::accuracy`]). It is measured once more where these are much finer. Where many passes are
+//! needed, they have more samples each ([`crate::larger`]). Filters of textures and shadow maps are not part of it.
 
 use crate::accuracy::SquaredBias;
 use granita_base::NoiseSource;
@@ -66,6 +66,11 @@ impl PassPlan {
             now + deadline.saturating_duration_since(now) / frames.max(1)
         };
         Self { deadline: self.deadline.map(own), ..self }
+    }
+
+    /// True when neither time nor a number ends the passes, so that they may become larger (see [`crate::larger`]).
+    pub(crate) fn may_be_larger(&self) -> bool {
+        self.passes.is_none() && self.deadline.is_none()
     }
 
     /// Returns the largest number of passes.
@@ -163,7 +168,9 @@ pub struct PassReport {
     /// How many times as far apart the points of surfaces are as the scene says, in a coarse image. The first pass
     /// would not have ended in time, or the image has the requested error without finer points.
     pub coarse: Option<u32>,
-    /// How many times the samples of a frame without passes the passes of the image have.
+    /// How many times the samples of pixels of a frame without passes the passes of the image have.
+    pub pixel_samples: u32,
+    /// How many times the samples of lights and rays of such a frame they have.
     pub samples: u32,
     /// The error that was requested.
     pub requested: Option<f32>,
@@ -185,9 +192,17 @@ impl PassReport {
         if let Some(factor) = self.coarse {
             text += &format!(", coarse: points are {factor} times as far apart");
         }
-        if self.samples > 1 {
-            text += &format!(", with {} times the samples", self.samples);
-        }
+        text += &match (self.pixel_samples, self.samples) {
+            (0 | 1, 0 | 1) => String::new(),
+            (pixels, samples) if pixels == samples => format!(", with {samples} times the samples"),
+            (pixels, 0 | 1) => format!(", with {pixels} times the samples of pixels"),
+            (0 | 1, samples) => format!(", with {samples} times the samples of lights and rays"),
+            (pixels, samples) => {
+                format!(
+                    ", with {pixels} times the samples of pixels and {samples} times those of lights and rays"
+                )
+            }
+        };
         if self.mean_passes + 0.05 < f64::from(self.passes) {
             text += &format!(" ({:.1} of a pixel)", self.mean_passes);
         }
@@ -393,7 +408,7 @@ mod tests {
 
     #[test]
     fn what_is_not_known_of_bias_counts_as_bias() {
-        let unsure = SquaredBias { value: 1e-5, deviation: 2e-5, noise: 2e-5 };
+        let unsure = SquaredBias { value: 1e-5, deviation: 2e-5, noise: 2e-5, grows: false };
         assert_eq!(unsure.root(), 0.0);
         assert!((unsure.leaves(0.01) - 7e-5).abs() < 1e-12);
         assert!((SquaredBias { deviation: 1.0, ..unsure }.leaves(0.01) - 6.5e-5).abs() < 1e-12);

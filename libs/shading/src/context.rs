@@ -12,7 +12,8 @@ use crate::texts::Texts;
 use crate::{ShaderLibrary, ShadingEnvironment, ShadingStatistics, preshaded};
 use granita_base::sample::Sequence;
 use granita_base::{
-    Files, Location, NoiseSource, OnceMap, PassNumbers, Reporter, SearchPath, Severity, Vec3, hash,
+    Files, Location, NoiseSource, NoiseSources, OnceMap, PassNumbers, Reporter, SearchPath, Severity, Vec3,
+    hash,
 };
 use granita_dicing::{CameraView, finite};
 use granita_rays::{RayFrame, RayWorld};
@@ -91,7 +92,7 @@ pub struct ShadingContext {
     /// The set of random numbers of the pass that is rendered, and its round.
     set: AtomicU32,
     round: AtomicU32,
-    /// The number of the noise source that has other random numbers than the pass, from 1; 0 for none.
+    /// A bit for each noise source that has other random numbers than the pass.
     varied: AtomicU32,
     /// A bit for each noise source that drew random numbers.
     drawn: AtomicU32,
@@ -233,12 +234,11 @@ impl ShadingContext {
 
     /// Begins a pass of an image that is the sum of passes. It must not be called while a thread shades.
     pub fn begin_pass(&self, numbers: PassNumbers) {
-        let varied = numbers.varied.map_or(0, |source| source as u32 + 1);
         let replaced = |place: &AtomicU32, new: u32| place.swap(new, Ordering::Relaxed) != new;
         let changed = [
             replaced(&self.set, numbers.set),
             replaced(&self.round, numbers.round),
-            replaced(&self.varied, varied),
+            replaced(&self.varied, numbers.varied.bits()),
         ];
         if changed.contains(&true) {
             self.light_cache.clear();
@@ -322,7 +322,7 @@ impl ShadingContext {
 
     /// Returns the same seed as [`Self::seed_of`], for numbers of which it is not known yet whether they count.
     pub(crate) fn varied_seed(&self, source: NoiseSource, seed: u32) -> u32 {
-        match self.varied.load(Ordering::Relaxed) == source as u32 + 1 {
+        match NoiseSources::from_bits(self.varied.load(Ordering::Relaxed)).contains(source) {
             true => hash::words(&[seed, VARIED]),
             false => seed,
         }

@@ -1,15 +1,16 @@
 //! Measures what all passes of an image have in common (see [`crate::passes`]).
 
 use super::coarse::Limit;
-use super::levels::{Next, Passes};
+use super::levels::{Next, Passes, Step};
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
 use crate::bucket::{BucketOrder, Buckets};
+use crate::larger::Larger;
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
 use crate::passes::{PILOT, PIXELS_PER_NUMBER, PassPlan};
-use granita_base::sample;
+use granita_base::{NoiseSources, sample};
 use granita_scene::Scene;
 use parking_lot::Mutex;
 use std::time::{Duration, Instant};
@@ -32,21 +33,17 @@ struct Passing {
     error: f64,
     /// The largest number of passes.
     most: u32,
-    /// The factor of their samples.
-    samples: f32,
+    /// How many samples they have.
+    larger: Larger,
 }
 
 impl Passing {
-    /// Returns those for an error that needs a number of passes, which are larger by [`Passes::large`]: a quarter of
-    /// the samples that the error needs. A pass in the probes, with both accuracies, takes about half of the time of a
-    /// pass, and more in small images. Of larger passes, few show the bias.
-    ///
-    /// [`Passes::large`]: super::levels::Passes::large
-    fn new(error: f64, needed: f64, large: u32) -> Self {
-        let samples = 4_u32.pow(large);
-        let least = if large > 0 { PILOT + 1 } else { 2 * PILOT };
-        let most = ((needed / 4.0) as u32 / samples).clamp(least, MOST_PASSES);
-        Self { error, most, samples: samples as f32 }
+    /// Returns those for an error, with a quarter of the samples that the error needs: `needed` passes of these are
+    /// needed for it. A pass in the probes, with both accuracies, takes about half of the time of a pass, and more in
+    /// small images. Of larger passes, few show the bias.
+    fn new(error: f64, needed: f64, larger: Larger) -> Self {
+        let least = if larger.is_any() { PILOT + 1 } else { 2 * PILOT };
+        Self { error, most: ((needed / 4.0) as u32).clamp(least, MOST_PASSES), larger }
     }
 }
 
@@ -157,9 +154,10 @@ fn squared_bias(
         begin = end;
     }
     let total = sums.iter().map(|(times, sum)| times * sum).sum::<f64>() / choices;
-    let shown = match level < 0 {
-        true => Accuracy::shown_of_coarse(total, (of_coarser[0], of_coarser[1].sqrt())),
-        false => Accuracy::SHOWN.powi(2),
+    let below = (of_coarser[0], of_coarser[1].sqrt());
+    let (shown, grows) = match level < 0 {
+        true => (Accuracy::shown_of_coarse(total, below), Accuracy::grows(total, below)),
+        false => (Accuracy::SHOWN.powi(2), false),
     };
     let spread = sums.iter().map(|(times, sum)| times * (sum - total).powi(2)).sum::<f64>();
     let deviation = (spread / (choices * (choices - 1.0))).sqrt();
@@ -170,6 +168,7 @@ fn squared_bias(
             value: relative(total),
             deviation: relative(deviation),
             noise: relative(noise.sqrt()),
+            grows,
         },
         false => SquaredBias::default(),
     }
@@ -193,23 +192,25 @@ impl<S: FrameShader> Frame<'_, S> {
         let Some(passes) = self.passes.as_ref().filter(|passes| passes.has_colors()) else {
             return Next::Pass;
         };
-        if passes.level > 0 {
+        if passes.last_step().level > 0 {
             return self.measure_bias_again(run, error, time);
         }
-        let (level, is_short) = (passes.lowest, passes.first_of_tiles == u32::MAX);
+        let (level, is_short) = (passes.last_step().level, passes.first_of_tiles == u32::MAX);
         let plan = run.plan;
         let has_time = has_time_for(plan, time, PILOT);
         if level < 0 && !plan.has_time_for(time) {
             return Next::End;
         }
-        let needed = self.needed_passes(|_| error * error);
+        let needed = self.passes_of(Larger::default(), error);
+        self.measure_noise_of_pixels(run, level, needed);
         // Some parts of the image need fewer passes than the whole.
         let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
         let mut has_coarser = true;
         self.each_sum(|sum| has_coarser &= sum.has_coarser());
         let may_change = has_coarser || may_end && has_time;
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
-        let passing = Passing::new(error, needed, self.larger_passes(plan, &[], error));
+        let larger = self.larger_passes(plan, &[], error);
+        let passing = Passing::new(error, self.passes_of(larger, error), larger);
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let may_measure = may_end && has_time_for(plan, time, passing.most);
         let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
@@ -221,10 +222,15 @@ impl<S: FrameShader> Frame<'_, S> {
             _ => None,
         };
         let more = found.as_ref().map(|bias| steps(level, bias, error));
-        if level < 0 && more != Some(0) {
+        // Time is best spent on the level that the error needs alone.
+        let at_once = plan.may_be_larger();
+        let shows_rest = |bias: &SquaredBias| bias.shows_rest();
+        let is_certain = at_once && found.as_ref().is_some_and(|bias| bias.iter().all(shows_rest));
+        if level < 0 && more != Some(0) && !is_certain {
             return self.end_coarse(more.is_none() && !is_too_large);
         }
-        let large = found.as_ref().map_or(0, |bias| self.larger_passes(plan, bias, error));
+        let larger =
+            found.as_ref().map_or_else(Larger::default, |bias| self.larger_passes(plan, bias, error));
         let Some(passes) = &mut self.passes else { return Next::Pass };
         let Some((bias, more)) = found.zip(more) else {
             passes.first_of_tiles = u32::MAX;
@@ -232,8 +238,8 @@ impl<S: FrameShader> Frame<'_, S> {
             return Next::Pass;
         };
         passes.bias = bias;
-        if more > 0 || large > 0 {
-            passes.go_on_with(more, large);
+        if more > 0 || larger.is_any() {
+            passes.go_on_with(more, larger, at_once);
         }
         Next::Pass
     }
@@ -242,8 +248,10 @@ impl<S: FrameShader> Frame<'_, S> {
     /// passes, and decides whether the requested error needs a higher one. Without the time for it, the images are
     /// complete as they are.
     fn measure_bias_again(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
-        let Some(&Passes { level, large, .. }) = self.passes.as_ref() else { return Next::Pass };
-        let passing = Passing::new(error, 0.0, large);
+        let Some(Step { level, larger }) = self.passes.as_ref().map(Passes::last_step) else {
+            return Next::Pass;
+        };
+        let passing = Passing::new(error, 0.0, larger);
         if !has_time_for(run.plan, time, passing.most) {
             return Next::End;
         }
@@ -253,7 +261,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if let Some(passes) = &mut self.passes {
             passes.bias = bias;
             if more > 0 {
-                passes.go_on_with(more, large);
+                passes.go_on_with(more, larger, run.plan.may_be_larger());
             }
         }
         Next::Pass
@@ -282,7 +290,8 @@ impl<S: FrameShader> Frame<'_, S> {
             let mut coarser = Vec::new();
             self.each_sum(|sum| coarser.extend(sum.take_coarser(pass as usize)));
             if coarser.is_empty() {
-                coarser = self.colors_apart(run, (pass, Accuracy::of_level(level - 1)), &all)?;
+                coarser =
+                    self.colors_apart(run, (pass, Accuracy::of_level(level - 1), Larger::default()), &all)?;
             }
             Some(self.changes(pass as usize, coarser))
         };
@@ -313,12 +322,12 @@ impl<S: FrameShader> Frame<'_, S> {
     fn colors_apart(
         &mut self,
         &Run { scene, plan, canvases, threads }: &Run<'_>,
-        (pass, accuracy): (u32, Accuracy),
+        (pass, accuracy, larger): (u32, Accuracy, Larger),
         list: &[usize],
     ) -> Option<Vec<Vec<f32>>> {
         let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
         self.set_accuracy(accuracy);
-        self.begin_pass(scene, (pass, None), false, true);
+        self.begin_pass(scene, (pass, NoiseSources::default()), false, Some(larger));
         self.render_pass(scene, limit, canvases, threads, list).ok()?;
         let mut colors = Vec::new();
         self.each_sum(|sum| colors.push(sum.drop_colors()));
@@ -330,7 +339,7 @@ impl<S: FrameShader> Frame<'_, S> {
     fn bias_of_probes(
         &mut self,
         run: &Run<'_>,
-        Passing { error, most, samples }: Passing,
+        Passing { error, most, larger }: Passing,
         (level, probes): (i32, &[Probe]),
         changes: &[Vec<Vec<f32>>],
     ) -> Option<Vec<SquaredBias>> {
@@ -341,18 +350,18 @@ impl<S: FrameShader> Frame<'_, S> {
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
         let whole = self.options.camera.crop;
-        let accuracy = Accuracy { samples, ..Accuracy::of_level(level) };
+        let accuracy = Accuracy { samples: larger.samples(), ..Accuracy::of_level(level) };
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
         for pass in 0..most {
             let begin = Instant::now();
             // The first passes are those of the image itself.
-            let plain = match pass < PILOT && samples == 1.0 {
+            let plain = match pass < PILOT && !larger.is_any() {
                 true => None,
-                false => Some(self.colors_apart(run, (pass, accuracy), &list)?),
+                false => Some(self.colors_apart(run, (pass, accuracy, larger), &list)?),
             };
-            let finer = self.colors_apart(run, (pass, accuracy.finer()), &list)?;
+            let finer = self.colors_apart(run, (pass, accuracy.finer(), larger), &list)?;
             differences.resize(finer.len(), Vec::new());
             let sums = self.passes.iter().flat_map(|passes| &passes.sums);
             for (index, (sum, out)) in sums.zip(&mut differences).enumerate() {
@@ -386,15 +395,24 @@ impl<S: FrameShader> Frame<'_, S> {
         Some(bias)
     }
 
-    /// Returns the number of passes that a squared noise of each image needs, as far as the first passes show it.
-    pub(super) fn needed_passes(&self, squared: impl Fn(usize) -> f64) -> f64 {
+    /// Returns the number of passes that a squared noise of an image needs, as far as the first passes show it.
+    pub(super) fn needed_passes(&self, index: usize, squared: f64) -> f64 {
         let whole = self.options.camera.crop;
-        let needed = |(index, sum): (usize, &Mutex<Accumulated>)| {
-            let sum = sum.lock();
-            let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
-            f64::from(PILOT) * noise.powi(2) / squared(index)
+        let Some(sum) = self.passes.as_ref().and_then(|passes| passes.sums.get(index)) else { return 0.0 };
+        let sum = sum.lock();
+        let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
+        f64::from(PILOT) * noise.powi(2) / squared
+    }
+
+    /// Returns the number of larger passes that the noise of all images needs for an error, if they had no bias, and if
+    /// samples were independent of each other.
+    fn passes_of(&self, larger: Larger, error: f64) -> f64 {
+        let Some(passes) = &self.passes else { return 0.0 };
+        let of_image = |index| {
+            let of_pixels = passes.of_pixels.get(index).copied().unwrap_or(1.0);
+            self.needed_passes(index, error * error) * larger.left_of_independent(of_pixels)
         };
-        self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(needed).fold(0.0, f64::max)
+        (0..passes.sums.len()).map(of_image).fold(0.0, f64::max)
     }
 
     /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.
@@ -415,7 +433,8 @@ impl<S: FrameShader> Frame<'_, S> {
                 let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
                 let found = covariance(&all);
                 let noise = found.noise(coarse_pixels(&whole, level));
-                SquaredBias { value: found.product, deviation: noise, noise }.scaled(1.0 / (mean * mean))
+                SquaredBias { value: found.product, deviation: noise, noise, grows: false }
+                    .scaled(1.0 / (mean * mean))
             })
         };
         self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(of_sum).collect()

@@ -5,6 +5,7 @@ use crate::CameraView;
 use crate::accuracy::Accuracy;
 use crate::output::canvas::Canvas;
 use crate::passes::PassPlan;
+use granita_base::NoiseSources;
 use granita_dicing::camera::is_moving;
 use granita_hider::SamplePattern;
 use granita_scene::Scene;
@@ -114,11 +115,11 @@ impl<S: FrameShader> Frame<'_, S> {
             .map_or(Duration::ZERO, |deadline| deadline.saturating_duration_since(Instant::now()));
         let factor = factor(whole, left);
         let passes = self.passes.as_mut()?;
-        let apart = factor << passes.lowest.unsigned_abs();
+        let apart = factor << passes.last_step().level.unsigned_abs();
         passes.coarse = Some(apart);
         let (apart, n) = (apart as f32, factor / 2);
         self.set_accuracy(Accuracy { dicing: 1.0 / apart, tolerance: apart, samples: 1.0 / apart });
-        self.begin_pass(scene, (0, None), plan.error.is_some(), false);
+        self.begin_pass(scene, (0, NoiseSources::default()), plan.error.is_some(), None);
         let fewer = CameraView {
             spatialquality: self.options.camera.spatialquality.map(|samples| (samples / n).max(1)),
             temporalquality: at_least_two(self.options.camera.temporalquality, n),

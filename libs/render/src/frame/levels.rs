@@ -4,18 +4,20 @@
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
+use crate::larger::Larger;
 use crate::output::accumulated::Accumulated;
 use crate::passes::{PILOT, PassPlan};
 use granita_scene::Scene;
 use parking_lot::Mutex;
 
-/// The part of the noise of a pass that is left with four times the samples, squared. It would be a quarter if they
-/// were independent of each other. (On Stanford's dragon under a panorama, it was a tenth.)
-const NOISE_OF_LARGE: f64 = 1.0 / 8.0;
-/// The largest of [`Passes::large`].
-const MOST_LARGE: u32 = 2;
-/// The largest number of samples along one side of a pixel. More would need too much memory.
-const MOST_SAMPLES: u32 = 16;
+/// How the passes of a step are rendered. All steps but the last one have [`PILOT`] passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Step {
+    /// The level of [`Accuracy`].
+    pub(super) level: i32,
+    /// How many samples they have.
+    pub(super) larger: Larger,
+}
 
 /// The passes that a frame has and their results so far.
 pub(super) struct Passes {
@@ -26,17 +28,12 @@ pub(super) struct Passes {
     /// The first pass that is a part of the images. Those before were not accurate enough.
     pub(super) first: u32,
     /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
-    /// frame, and show where more are needed. Before them there are as many of each lower level. It is `u32::MAX` when
-    /// the time was too short to know the level.
+    /// frame, and show where more are needed. It is `u32::MAX` when the time was too short to know the level.
     pub(super) first_of_tiles: u32,
-    /// The level of [`Accuracy`] that the requested error needs. Passes go up to it level by level, so that an image
-    /// whose time ends has the highest level that its time permits.
-    pub(super) level: i32,
-    /// The level of the first passes.
-    pub(super) lowest: i32,
-    /// How much larger the passes of the last step are: they have `2^large` times the samples along each side of a
-    /// pixel, and `4^large` times those of everything else.
-    pub(super) large: u32,
+    /// The steps, of which there is one at least. The last one has what the requested error needs.
+    pub(super) steps: Vec<Step>,
+    /// The part of the noise of each image that comes from the samples of pixels. Empty when it was not measured.
+    pub(super) of_pixels: Vec<f64>,
     /// True while the images are coarse, because there are not enough passes of the scene's own accuracy yet.
     pub(super) is_held: bool,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
@@ -58,43 +55,40 @@ impl Passes {
         self.number > 0 || self.is_apart || self.is_held || self.coarse.is_some()
     }
 
-    /// Returns the last step. Each step has its own level, except that large passes may have the level of the step
-    /// before. All steps but the last one have [`PILOT`] passes.
-    fn last_step(&self) -> u32 {
-        u32::try_from(self.level - self.lowest).unwrap_or(0).max(self.large.min(1))
+    /// Returns the number of the step of a pass.
+    fn place_of(&self, number: u32) -> usize {
+        ((number / PILOT) as usize).min(self.steps.len().saturating_sub(1))
     }
 
-    fn step_of(&self, number: u32) -> u32 {
-        self.last_step().min(number / PILOT)
+    /// Returns the step of a pass.
+    pub(super) fn step_of(&self, number: u32) -> Step {
+        self.steps.get(self.place_of(number)).copied().unwrap_or_default()
     }
 
-    /// Returns the level of a pass.
-    pub(super) fn level_of(&self, number: u32) -> i32 {
-        self.level.min(self.lowest + self.step_of(number).cast_signed())
-    }
-
-    /// Returns how much larger than others a pass is.
-    pub(super) fn large_of(&self, number: u32) -> u32 {
-        if self.step_of(number) == self.last_step() { self.large } else { 0 }
+    /// Returns the last step.
+    pub(super) fn last_step(&self) -> Step {
+        self.steps.last().copied().unwrap_or_default()
     }
 
     /// Returns the first pass of the step that a pass belongs to.
     pub(super) fn first_of(&self, number: u32) -> u32 {
-        self.step_of(number) * PILOT
+        self.place_of(number) as u32 * PILOT
     }
 
-    /// Sets the last step, whose passes are `more` levels above the present one, and have `4^large` times the samples.
-    pub(super) fn go_on_with(&mut self, more: i32, large: u32) {
-        (self.level, self.large) = (self.level + more, large);
-        self.first_of_tiles = (self.last_step() + 1) * PILOT;
-        if more >= Accuracy::MOST_AT_ONCE {
-            self.measured_after = self.first_of_tiles;
-        }
+    /// Sets the last step, whose passes are `more` levels above the present one, and `larger`. Passes go up to it level
+    /// by level if they are not to do so `at_once`.
+    pub(super) fn go_on_with(&mut self, more: i32, larger: Larger, at_once: bool) {
+        let level = self.last_step().level;
+        let between = if at_once { 0 } else { more - 1 };
+        self.steps.extend((1..=between).map(|k| Step { level: level + k, larger: Larger::default() }));
+        self.steps.push(Step { level: level + more, larger });
+        self.first_of_tiles = self.steps.len() as u32 * PILOT;
+        self.measured_after = if more >= Accuracy::MOST_AT_ONCE { self.first_of_tiles } else { u32::MAX };
     }
 
     /// Returns how many times as far apart the points of surfaces of a coarse image are.
     pub(super) fn coarseness(&self) -> Option<u32> {
-        let is_coarse = self.is_held || self.lowest < 0;
+        let is_coarse = self.is_held || self.step_of(self.first).level < 0;
         self.coarse.or_else(|| is_coarse.then(|| 1 << Accuracy::COARSE.unsigned_abs()))
     }
 
@@ -125,7 +119,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if is_measured && !self.saves_anything(scene) {
             self.each_sum(Accumulated::keep_coarser);
             if let Some(passes) = &mut self.passes {
-                (passes.lowest, passes.level) = (Accuracy::COARSE, Accuracy::COARSE);
+                passes.steps = vec![Step { level: Accuracy::COARSE, ..Step::default() }];
             }
         }
     }
@@ -140,35 +134,12 @@ impl<S: FrameShader> Frame<'_, S> {
     /// that, and the image becomes that of passes without a requested error.
     pub(super) fn end_coarse(&mut self, is_short: bool) -> Next {
         if let Some(passes) = &mut self.passes {
-            (passes.lowest, passes.level, passes.is_held) = (0, 0, true);
+            (passes.steps, passes.is_held) = (vec![Step::default()], true);
             passes.measured_after = PILOT;
             if is_short {
                 passes.first_of_tiles = u32::MAX;
             }
         }
         Next::Restart
-    }
-
-    /// Returns how much larger the following passes are (see [`Passes::large`]), so that a few of them have the
-    /// requested error. Samples of one pass are spread evenly, and those of several passes are independent of each
-    /// other. So one pass with four times the samples has less noise than four passes, and takes less time. Where time
-    /// or a number ends the passes, all are alike.
-    pub(super) fn larger_passes(&self, plan: &PassPlan, bias: &[SquaredBias], error: f64) -> u32 {
-        if plan.passes.is_some() || plan.deadline.is_some() {
-            return 0;
-        }
-        let needed = self.needed_passes(|index| {
-            let bias = bias.get(index).copied().unwrap_or_default();
-            let steps = Accuracy::steps(0, bias.root(), error);
-            (0..steps).fold(bias, |bias, _| bias.remains()).leaves(error)
-        });
-        let most = self.options.camera.spatialquality.into_iter().max().unwrap_or(1);
-        (1..=MOST_LARGE)
-            .rev()
-            .find(|large| {
-                needed * NOISE_OF_LARGE.powi(large.cast_signed()) >= f64::from(PILOT)
-                    && most << large <= MOST_SAMPLES
-            })
-            .unwrap_or(0)
     }
 }

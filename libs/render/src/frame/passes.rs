@@ -3,17 +3,18 @@
 use super::bias::Run;
 use super::clean::DenoisedErrors;
 use super::coarse::{Limit, Outlook};
-use super::levels::{Next, Passes};
+use super::levels::{Next, Passes, Step};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
 use crate::bucket::{BucketOrder, Buckets};
+use crate::larger::Larger;
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
 use crate::passes::{ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, Spot, fall};
-use granita_base::{NoiseSource, PassNumbers};
+use granita_base::{NoiseSource, NoiseSources, PassNumbers};
 use granita_dicing::CameraView;
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
@@ -67,9 +68,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             is_apart: false,
             first: 0,
             first_of_tiles: PILOT,
-            level: 0,
-            lowest: 0,
-            large: 0,
+            steps: vec![Step::default()],
+            of_pixels: Vec::new(),
             is_held: false,
             coarse: None,
             measured_after: PILOT,
@@ -125,7 +125,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 if self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
                     let run = Run { scene, plan, canvases, threads };
-                    let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.lowest < 0);
+                    let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.steps[0].level < 0);
                     let may_go_on = is_coarse || completed < most;
                     match may_go_on.then(|| self.measure_bias(&run, f64::from(error), time)) {
                         Some(Next::End) => break,
@@ -150,7 +150,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             }
             let begin = Instant::now();
             self.set_accuracy_of_pass(completed);
-            self.begin_pass(scene, (completed, None), plan.error.is_some(), false);
+            self.begin_pass(scene, (completed, NoiseSources::default()), plan.error.is_some(), None);
             let list = self.buckets_of_pass(completed, &decisions, plan.error.is_some());
             let area =
                 |index: &usize| self.buckets.order[*index].width() * self.buckets.order[*index].height();
@@ -269,8 +269,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let is_seen = |rect: &PixelRect| !rect.intersection(&crop).is_empty();
         let first = self.passes.as_ref().map_or(0, |passes| passes.first);
         self.set_accuracy_of_pass(first);
+        let larger = self.passes.as_ref().map_or_else(Larger::default, |passes| passes.step_of(first).larger);
         for source in self.noise_sources() {
-            self.begin_pass(scene, (first, Some(source)), plan.error.is_some(), true);
+            self.begin_pass(scene, (0, NoiseSources::of(source)), plan.error.is_some(), Some(larger));
             let seen = self.buckets.order.iter().enumerate().filter(|(_, rect)| is_seen(rect));
             let list: Vec<usize> = seen.map(|(index, _)| index).collect();
             let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
@@ -290,12 +291,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Sets the accuracy of a pass.
     fn set_accuracy_of_pass(&mut self, number: u32) {
-        let (level, large) =
-            self.passes.as_ref().map_or((0, 0), |passes| (passes.level_of(number), passes.large_of(number)));
-        self.set_accuracy(Accuracy {
-            samples: 4.0_f32.powi(large.cast_signed()),
-            ..Accuracy::of_level(level)
-        });
+        let step = self.passes.as_ref().map(|passes| passes.step_of(number));
+        let Step { level, larger } = step.unwrap_or_default();
+        self.set_accuracy(Accuracy { samples: larger.samples(), ..Accuracy::of_level(level) });
     }
 
     /// Adds a complete pass to the images. The first ones of a step replace those before when there are enough of them
@@ -307,14 +305,17 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if number + 1 < first + PILOT {
                 return self.each_sum(Accumulated::wait);
             }
-            if std::mem::take(&mut passes.is_held) {
+            let is_held = std::mem::take(&mut passes.is_held);
+            if is_held {
                 passes.bias.clear();
             }
-            if passes.level_of(number) > passes.level_of(passes.first) {
+            let levels = passes.step_of(number).level - passes.step_of(passes.first).level;
+            for _ in 0..levels {
                 passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
             }
             passes.first = first;
-            if passes.measured_after == first + PILOT {
+            // Those that are one level coarser show where there is bias.
+            if passes.measured_after == first + PILOT && (is_held || levels == 1) {
                 self.each_sum(Accumulated::keep_coarser);
             }
             self.each_sum(Accumulated::restart);
@@ -331,31 +332,32 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
     /// tiles instead of buckets, and so do large ones. Tiles do not depend on the size of buckets, and samples of large
     /// passes fit into them.
-    /// `is_apart` is true for a pass that is no part of the images. `varied` is a noise source with other numbers. The
-    /// first pass of each step has the numbers of the frame without passes, so that levels can be compared.
+    /// `apart` has the samples of a pass that is no part of the images. `varied` are noise sources with other numbers.
+    /// The first pass of each step has the numbers of the frame without passes, so that levels can be compared.
     pub(super) fn begin_pass(
         &mut self,
         scene: &Scene,
-        (pass, varied): (u32, Option<NoiseSource>),
+        (pass, varied): (u32, NoiseSources),
         has_tiles: bool,
-        is_apart: bool,
+        apart: Option<Larger>,
     ) {
         let camera = self.options.camera;
-        let (mut first_of_tiles, mut first, mut large) = (PILOT, 0, 0);
+        let (mut first_of_tiles, mut numbers) = (PILOT, PassNumbers::alone(pass));
+        let mut larger = apart.unwrap_or_default();
         if let Some(passes) = &mut self.passes {
             passes.number = pass;
-            passes.is_apart = is_apart;
+            passes.is_apart = apart.is_some();
             first_of_tiles = passes.first_of_tiles;
-            first = passes.first_of(pass);
-            large = passes.large_of(pass);
+            if apart.is_none() {
+                larger = passes.step_of(pass).larger;
+                numbers = PassNumbers::of(pass - passes.first_of(pass));
+            }
         }
-        let number = pass - first;
-        let numbers = if is_apart { PassNumbers::alone(number) } else { PassNumbers::of(number) };
         let numbers = PassNumbers { varied, ..numbers };
         self.shader.begin_pass(numbers);
-        let of_samples = with_more_samples(camera, 1 << large);
+        let of_samples = with_more_samples(camera, 1 << larger.pixels);
         self.set_pattern(SamplePattern::of_pass(&of_samples, is_moving(scene, camera), numbers));
-        if has_tiles && (pass >= first_of_tiles || large > 0) {
+        if has_tiles && (pass >= first_of_tiles || larger.is_any()) {
             let side = TILE.unsigned_abs();
             let order = BucketOrder::plain(&camera.bucketorder);
             self.buckets = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
@@ -546,12 +548,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let is_short = plan.error.is_some_and(is_above);
         let is_unsure = plan.error.is_some() && error.is_some_and(|error| error.bias.is_none());
         let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
+        let step = self.passes.as_ref().map(|passes| passes.step_of(passes.first));
+        let larger = step.unwrap_or_default().larger;
         PassReport {
             passes,
             mean_passes: of_pixels.unwrap_or_default(),
             error,
             coarse: self.passes.as_ref().and_then(Passes::coarseness),
-            samples: self.passes.as_ref().map_or(1, |passes| 1 << (2 * passes.large_of(passes.first))),
+            pixel_samples: 1 << (2 * larger.pixels),
+            samples: 1 << (2 * larger.shading),
             requested: plan.error.or(of_denoised),
             is_unsure: is_unsure && !is_short,
             is_short: is_short || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),

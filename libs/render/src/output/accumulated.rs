@@ -169,9 +169,8 @@ impl Accumulated {
         self.counts.fill(0);
         self.mattes.iter_mut().for_each(Vec::clear);
         self.second.iter_mut().for_each(SecondPasses::clear);
-        if std::mem::take(&mut self.keeps_coarser) {
-            self.coarser = self.early.clone();
-        }
+        let keeps = std::mem::take(&mut self.keeps_coarser);
+        self.coarser = if keeps { self.early.clone() } else { Vec::new() };
         let fresh = std::mem::replace(&mut self.fresh, std::mem::take(&mut self.waiting));
         self.end_pass();
         self.fresh = fresh;

@@ -429,6 +429,26 @@ fn highlights_between_the_points_of_coarse_surfaces_are_not_missed() {
 }
 
 #[test]
+fn passes_go_at_once_to_the_accuracy_and_the_samples_that_the_error_needs() {
+    let converged = drawn(8.0, striped, passes(20)).0;
+    let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, &converged) as f32;
+    // Two coarse passes, and then those with 2 or 4 times as many points along each side.
+    for part in [0.6, 0.25] {
+        let (pixels, report) = drawn(1.0, striped, error(part * of_coarse));
+        let found = distance(&pixels, &converged);
+        assert!(found < 1.2 * f64::from(part * of_coarse) && !report.is_short, "{part}: {found} {report:?}");
+        assert!(report.coarse.is_none() && report.passes - 2 <= 10, "{report:?}");
+        // All noise is that of edges.
+        assert!(report.pixel_samples >= report.samples, "{report:?}");
+    }
+    // Highlights need more levels than are known at once, so that the bias is measured twice.
+    let converged = drawn(16.0, with_highlight, passes(20)).0;
+    let (pixels, report) = drawn(1.0, with_highlight, error(0.04));
+    let found = distance(&pixels, &converged);
+    assert!(found < 0.048 && !report.is_short, "{found} {report:?}");
+}
+
+#[test]
 fn an_image_stays_coarse_where_the_error_permits_it() {
     let converged = drawn(8.0, striped, passes(20)).0;
     let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, &converged) as f32;
