@@ -404,7 +404,7 @@ fn bias_is_a_part_of_the_error() {
     let of_part: Vec<f32> =
         (14..42).flat_map(|y| shown.pixels[(y * 72 + 18) * 4..][..18 * 4].to_vec()).collect();
     assert!(part.pixels == of_part);
-    // The number of passes makes the image again that was made in a time. The finer passes count from the second one on.
+    // The number of passes makes the image again that was made in a time. Finer passes count from the second on.
     let (_, timed) = place.image(&["-error", "5%", "-seconds", "1000"]);
     let some = [2, 3, timed.passes()].map(|n| place.image(&["-error", "5%", "-passes", &n.to_string()]).1);
     assert!(some[0].pixels == some[1].pixels && some[0].pixels != timed.pixels && some[2] == timed);
