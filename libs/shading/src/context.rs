@@ -302,8 +302,8 @@ impl ShadingContext {
 
     /// Returns the noise sources of shading that drew random numbers so far.
     pub fn noise_sources(&self) -> Vec<NoiseSource> {
-        let drawn = self.drawn.load(Ordering::Relaxed);
-        NoiseSource::ALL.into_iter().filter(|source| drawn >> (*source as u32) & 1 != 0).collect()
+        let drawn = NoiseSources::from_bits(self.drawn.load(Ordering::Relaxed));
+        NoiseSource::ALL.into_iter().filter(|source| drawn.contains(*source)).collect()
     }
 
     /// Returns the seed of random numbers that `source` draws.
@@ -314,9 +314,8 @@ impl ShadingContext {
 
     /// Records that `source` draws random numbers.
     pub(crate) fn draws(&self, source: NoiseSource) {
-        let number = source as u32;
-        if self.drawn.load(Ordering::Relaxed) >> number & 1 == 0 {
-            self.drawn.fetch_or(1 << number, Ordering::Relaxed);
+        if !NoiseSources::from_bits(self.drawn.load(Ordering::Relaxed)).contains(source) {
+            self.drawn.fetch_or(NoiseSources::of(source).bits(), Ordering::Relaxed);
         }
     }
 

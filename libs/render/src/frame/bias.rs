@@ -202,14 +202,13 @@ impl<S: FrameShader> Frame<'_, S> {
             return Next::End;
         }
         let needed = self.passes_of(Larger::default(), error);
-        self.measure_noise_of_pixels(run, level, needed);
         // Some parts of the image need fewer passes than the whole.
         let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
         let mut has_coarser = true;
         self.each_sum(|sum| has_coarser &= sum.has_coarser());
         let may_change = has_coarser || may_end && has_time;
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
-        let larger = self.larger_passes(plan, &[], error);
+        let larger = self.larger_passes(run, (level, &[]), error);
         let passing = Passing::new(error, self.passes_of(larger, error), larger);
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let may_measure = may_end && has_time_for(plan, time, passing.most);
@@ -229,14 +228,15 @@ impl<S: FrameShader> Frame<'_, S> {
         if level < 0 && more != Some(0) && !is_certain {
             return self.end_coarse(more.is_none() && !is_too_large);
         }
-        let larger =
-            found.as_ref().map_or_else(Larger::default, |bias| self.larger_passes(plan, bias, error));
-        let Some(passes) = &mut self.passes else { return Next::Pass };
         let Some((bias, more)) = found.zip(more) else {
-            passes.first_of_tiles = u32::MAX;
-            passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
+            if let Some(passes) = &mut self.passes {
+                passes.first_of_tiles = u32::MAX;
+                passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
+            }
             return Next::Pass;
         };
+        let larger = self.larger_passes(run, (level, &bias), error);
+        let Some(passes) = &mut self.passes else { return Next::Pass };
         passes.bias = bias;
         if more > 0 || larger.is_any() {
             passes.go_on_with(more, larger, at_once);

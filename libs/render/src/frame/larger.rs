@@ -4,40 +4,45 @@ use super::bias::Run;
 use super::{Frame, FrameShader};
 use crate::accuracy::{Accuracy, SquaredBias};
 use crate::larger::{Larger, Need, best};
-use crate::passes::PassPlan;
 use granita_base::NoiseSources;
 
 /// The least number of passes that a requested error needs for larger ones to be considered.
 const WORTH: f64 = 4.0;
+
 impl<S: FrameShader> Frame<'_, S> {
-    /// Returns how much larger than others the following passes are. Where time or a number ends the passes, all are
-    /// alike.
-    pub(super) fn larger_passes(&self, plan: &PassPlan, bias: &[SquaredBias], error: f64) -> Larger {
-        let Some(passes) = self.passes.as_ref().filter(|_| plan.may_be_larger()) else {
-            return Larger::default();
-        };
+    /// Returns how much larger than others the following passes are, for images of a level with a bias. Where time or a
+    /// number ends the passes, all are alike.
+    pub(super) fn larger_passes(
+        &mut self,
+        run: &Run<'_>,
+        (level, bias): (i32, &[SquaredBias]),
+        error: f64,
+    ) -> Larger {
+        let images = self.passes.as_ref().map_or(0, |passes| passes.sums.len());
         let need = |index: usize| {
             let bias = bias.get(index).copied().unwrap_or_default();
-            let steps = Accuracy::steps(0, bias.root(), error);
+            let steps = Accuracy::steps(level, bias.root(), error);
             let remains = (0..steps).fold(bias, |bias, _| bias.remains());
-            let passes_needed = self.needed_passes(index, remains.leaves(error));
-            Need {
-                passes: passes_needed,
-                of_pixels: passes.of_pixels.get(index).copied().unwrap_or(1.0),
-                steps,
-            }
+            Need { passes: self.needed_passes(index, remains.leaves(error)), of_pixels: 1.0, steps }
         };
-        let needs: Vec<Need> = (0..passes.sums.len()).map(need).collect();
-        let is_worth = needs.iter().any(|need| need.passes >= WORTH);
-        let most = self.options.camera.spatialquality.into_iter().max().unwrap_or(1);
-        if is_worth { best(&needs, most) } else { Larger::default() }
+        let needs: Vec<Need> = (0..images).map(need).collect();
+        if !run.plan.may_be_larger() || needs.iter().all(|need| need.passes < WORTH) {
+            return Larger::default();
+        }
+        self.measure_noise_of_pixels(run, level);
+        let Some(passes) = self.passes.as_ref().filter(|passes| passes.of_pixels.len() == images) else {
+            return Larger::default();
+        };
+        let known = needs.into_iter().zip(&passes.of_pixels);
+        let needs: Vec<Need> =
+            known.map(|(need, of_pixels)| Need { of_pixels: *of_pixels, ..need }).collect();
+        best(&needs, self.options.camera.spatialquality.into_iter().max().unwrap_or(1))
     }
 
-    /// Measures which part of the noise of the first passes comes from the samples of pixels, where the passes may
-    /// become larger: the first one is rendered again with other samples of pixels.
-    pub(super) fn measure_noise_of_pixels(&mut self, run: &Run<'_>, level: i32, needed: f64) {
-        let is_known = self.passes.as_ref().is_none_or(|passes| !passes.of_pixels.is_empty());
-        if is_known || needed < WORTH || !run.plan.may_be_larger() {
+    /// Measures which part of the noise of the first passes of a level comes from the samples of pixels, if that is not
+    /// known: the first one is rendered again with other samples of pixels.
+    fn measure_noise_of_pixels(&mut self, run: &Run<'_>, level: i32) {
+        if self.passes.as_ref().is_none_or(|passes| !passes.of_pixels.is_empty()) {
             return;
         }
         self.set_accuracy(Accuracy::of_level(level));

@@ -3,7 +3,7 @@
 use super::*;
 use crate::passes::{PassPlan, PassReport};
 use granita_base::{NoiseSource, PassNumbers, hash};
-use std::sync::atomic::AtomicU32;
+use std::sync::atomic::{AtomicU32, AtomicUsize};
 use std::time::{Duration, Instant};
 
 /// A plan of this number of passes.
@@ -428,24 +428,94 @@ fn highlights_between_the_points_of_coarse_surfaces_are_not_missed() {
     }
 }
 
+/// Paints with noise, and records what passes are rendered with.
+struct Recorded {
+    painted: Painted<fn(&mut Grid)>,
+    noise: f32,
+    tolerance: Mutex<f32>,
+    /// The random numbers and the factor of tolerances of each pass.
+    passes: Mutex<Vec<(PassNumbers, f32)>>,
+    /// The number of points that were shaded.
+    points: AtomicUsize,
+}
+
+impl FrameShader for Recorded {
+    type Object = ObjectTraits;
+    type Thread<'a> = ();
+
+    fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
+        self.painted.object(primitive)
+    }
+    fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
+        *object
+    }
+    fn thread(&self) {}
+    fn begin_pass(&self, numbers: PassNumbers) {
+        self.passes.lock().push((numbers, *self.tolerance.lock()));
+    }
+    fn set_tolerance(&self, factor: f32) {
+        *self.tolerance.lock() = factor;
+    }
+    fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
+    fn shade(
+        &self,
+        thread: &mut (),
+        object: &ObjectTraits,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        self.points.fetch_add(grid.len(), Ordering::Relaxed);
+        let values = self.painted.shade(thread, object, grid, wanted);
+        let numbers = self.passes.lock().last().map_or_else(PassNumbers::default, |(numbers, _)| *numbers);
+        for i in 0..grid.len() {
+            let noise = hash::unit(hash::words(&[grid.seed, i as u32, numbers.set, numbers.round])) - 0.5;
+            grid.c.set(i, grid.c.get(i) * (1.0 + self.noise * noise));
+        }
+        values
+    }
+}
+
+/// Renders squares with a requested error, and records it.
+fn recorded((paint, noise): (fn(&mut Grid), f32), plan: PassPlan) -> (Vec<f32>, PassReport, Recorded) {
+    let (tolerance, passes) = (Mutex::new(1.0), Mutex::new(Vec::new()));
+    let painted = Painted { paint, displace: None };
+    let shader = Recorded { painted, noise, tolerance, passes, points: AtomicUsize::new(0) };
+    let build = squares(1.0);
+    let (pixels, report) = summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&shader, plan));
+    (pixels, report, shader)
+}
+
 #[test]
-fn passes_go_at_once_to_the_accuracy_and_the_samples_that_the_error_needs() {
+fn passes_go_at_once_to_the_accuracy_that_the_error_needs() {
     let converged = drawn(8.0, striped, passes(20)).0;
     let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, &converged) as f32;
-    // Two coarse passes, and then those with 2 or 4 times as many points along each side.
+    // Those with 2 or 4 times as many points along each side as the coarse ones are next, and the only ones.
     for part in [0.6, 0.25] {
-        let (pixels, report) = drawn(1.0, striped, error(part * of_coarse));
+        let asked = part * of_coarse;
+        let (pixels, report, at_once) = recorded((striped, 0.0), error(asked));
         let found = distance(&pixels, &converged);
-        assert!(found < 1.2 * f64::from(part * of_coarse) && !report.is_short, "{part}: {found} {report:?}");
-        assert!(report.coarse.is_none() && report.passes - 2 <= 10, "{report:?}");
-        // All noise is that of edges.
-        assert!(report.pixel_samples >= report.samples, "{report:?}");
+        assert!(found < 1.2 * f64::from(asked) && !report.is_short, "{part}: {found} {report:?}");
+        assert!(report.coarse.is_none(), "{report:?}");
+        let ample = Some(Instant::now() + Duration::from_secs(1000));
+        let (_, _, by_level) = recorded((striped, 0.0), PassPlan { deadline: ample, ..error(asked) });
+        let [at_once, by_level] = [at_once, by_level].map(|shader| shader.points.into_inner());
+        assert!(20 * at_once < 19 * by_level, "{part}: {at_once} {by_level}");
     }
-    // Highlights need more levels than are known at once, so that the bias is measured twice.
+}
+
+#[test]
+fn bias_that_is_measured_twice_is_that_of_independent_passes() {
+    // Highlights need more levels than are known at once.
     let converged = drawn(16.0, with_highlight, passes(20)).0;
-    let (pixels, report) = drawn(1.0, with_highlight, error(0.04));
+    let (pixels, report, shader) = recorded((with_highlight, 3.0), error(0.06));
     let found = distance(&pixels, &converged);
-    assert!(found < 0.048 && !report.is_short, "{found} {report:?}");
+    assert!(found < 0.072 && !report.is_short, "{found} {report:?}");
+    // Nothing is finer than what the last passes are compared with.
+    let all = shader.passes.into_inner();
+    let finest = all.iter().map(|(_, tolerance)| *tolerance).fold(f32::INFINITY, f32::min);
+    let sets = all.iter().filter(|(_, tolerance)| *tolerance == finest).map(|(numbers, _)| numbers.set);
+    let sets: Vec<u32> = sets.collect();
+    assert!(sets.len() > 2 && sets.iter().enumerate().all(|(k, set)| *set == k as u32), "{finest} {sets:?} {report:?}");
 }
 
 #[test]
