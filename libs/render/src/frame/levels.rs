@@ -4,7 +4,7 @@
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
-use crate::larger::Larger;
+use crate::larger::{Larger, of_pixels_above};
 use crate::output::accumulated::Accumulated;
 use crate::passes::{PILOT, PassPlan};
 use granita_scene::Scene;
@@ -136,6 +136,8 @@ impl<S: FrameShader> Frame<'_, S> {
         if let Some(passes) = &mut self.passes {
             (passes.steps, passes.is_held) = (vec![Step::default()], true);
             passes.measured_after = PILOT;
+            let above = |of_pixels: &mut f64| *of_pixels = of_pixels_above(*of_pixels, -Accuracy::COARSE);
+            passes.of_pixels.iter_mut().for_each(above);
             if is_short {
                 passes.first_of_tiles = u32::MAX;
             }
