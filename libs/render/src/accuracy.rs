@@ -65,7 +65,7 @@ impl Accuracy {
     /// The level below changes an image by less than this times its bias. In six scenes it was 2.4 times at most.
     const MOST_CHANGE: f64 = 4.0;
     /// The finest level, and the largest number of levels between measurements of the bias.
-    const MOST: i32 = 5;
+    pub(crate) const MOST: i32 = 5;
     pub(crate) const MOST_AT_ONCE: i32 = 3;
 
     /// Returns the number of times that the dicing step of a level must be halved for a bias to be small enough for an
@@ -73,8 +73,12 @@ impl Accuracy {
     pub(crate) fn steps(level: i32, bias: f64, error: f64) -> i32 {
         let steps = libm::log(bias / (Self::SHARE * error)) / -libm::log(Self::FALL);
         // The bias is known to a tenth.
-        let most = Self::MOST_AT_ONCE.min(Self::MOST - level).max(0);
-        if steps.is_nan() { 0 } else { ((steps - 0.1).ceil() as i32).clamp(0, most) }
+        if steps.is_nan() { 0 } else { ((steps - 0.1).ceil() as i32).clamp(0, Self::most_above(level)) }
+    }
+
+    /// Returns the largest number of levels above one that passes go at once.
+    pub(crate) fn most_above(level: i32) -> i32 {
+        Self::MOST_AT_ONCE.min(Self::MOST - level).max(0)
     }
 
     /// Returns the accuracy with which the bias of this one is measured. The deviation of interpolated light is at most

@@ -15,6 +15,7 @@ mod limits;
 mod measured;
 mod passes;
 mod precise;
+mod refine;
 mod running;
 mod shade;
 mod shader;
@@ -301,6 +302,7 @@ pub(crate) fn render<S: FrameShader>(
             image.passes = Some(ImagePasses {
                 count: passed.report.passes,
                 coarse: passed.report.coarse,
+                finer: passed.report.finer,
                 error: passed.errors.get(index).copied().flatten(),
                 denoised: passed.denoised.get(index).copied().flatten(),
             });

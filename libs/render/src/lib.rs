@@ -38,6 +38,7 @@ mod passes;
 mod preshaded;
 mod preview;
 mod priority;
+mod refine;
 mod renderer;
 mod schedule;
 mod spread;

@@ -15,8 +15,11 @@
 //! does not show that, they have the accuracy of the scene, for which the bias is measured in the same way, and then
 //! finer surfaces ([`crate::accuracy`]). It is measured once more where these are much finer. Where many passes are
 //! needed, they have more samples each ([`crate::larger`]). Filters of textures and shadow maps are not part of it.
+//!
+//! With a requested time, surfaces become finer where that is expected to leave the least error at its end. Such an
+//! image is that of its number of passes with surfaces as fine.
 
-use crate::accuracy::SquaredBias;
+use crate::accuracy::{Accuracy, SquaredBias};
 use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
 
@@ -47,11 +50,22 @@ pub struct PassPlan {
     pub error: Option<f32>,
     /// True when the part of each noise source in the error is measured, with one more pass for each.
     pub causes: bool,
+    /// The level of surfaces where no error is requested, from 0 to [`PassPlan::FINEST`]: they are `2^level` times as
+    /// fine as the scene says.
+    pub level: u32,
 }
 
 impl PassPlan {
     /// The largest number of passes of an image for which neither a number nor a time is requested.
     pub const MOST: u32 = 4096;
+
+    /// The finest level.
+    pub const FINEST: u32 = Accuracy::MOST.unsigned_abs();
+
+    /// True when surfaces become finer where that is the best use of the time.
+    pub(crate) fn refines(&self) -> bool {
+        self.deadline.is_some() && self.passes.is_none() && self.error.is_none() && !self.causes
+    }
 
     /// True when a pass that takes `time` ends in time.
     pub(crate) fn has_time_for(&self, time: Duration) -> bool {
@@ -168,6 +182,8 @@ pub struct PassReport {
     /// How many times as far apart the points of surfaces are as the scene says, in a coarse image. The first pass
     /// would not have ended in time, or the image has the requested error without finer points.
     pub coarse: Option<u32>,
+    /// How many times as fine surfaces are as the scene says.
+    pub finer: u32,
     /// How many times the samples of pixels of a frame without passes the passes of the image have.
     pub pixel_samples: u32,
     /// How many times the samples of lights and rays of such a frame they have.
@@ -191,6 +207,9 @@ impl PassReport {
         };
         if let Some(factor) = self.coarse {
             text += &format!(", coarse: points are {factor} times as far apart");
+        }
+        if self.finer > 1 {
+            text += &format!(", with points {} times as close", self.finer);
         }
         text += &match (self.pixel_samples, self.samples) {
             (0 | 1, 0 | 1) => String::new(),

@@ -19,6 +19,9 @@ pub struct PassOptions {
     pub error: Option<f32>,
     /// True when the part of each noise source in the error is measured ("render:causes").
     pub causes: bool,
+    /// How many times as fine surfaces are as the scene says, for a number of passes without an error
+    /// ("render:finer").
+    pub finer: Option<u32>,
 }
 
 /// Returns the passes of a frame; `None` for a frame of its own. `idle_since` is the time at which the session began to
@@ -61,11 +64,24 @@ pub(crate) fn plan(
         time.map_or(least, |(seconds, _)| least.max(Duration::from_secs_f64((seconds * part).min(60.0))));
     // Differences between passes need two of them.
     let passes = passes.or((causes && error.is_none() && deadline.is_none()).then_some(2));
+    let finer = match asked.finer.map_or_else(|| scene.get(attr::RENDER_FINER), u32::cast_signed) {
+        finer @ 1.. if finer.count_ones() == 1 && finer <= 1 << PassPlan::FINEST => finer.ilog2(),
+        finer => {
+            let text = format!(
+                "\"{}\" {finer} is none of 1, 2, 4, 8, 16 and 32; it is ignored",
+                attr::RENDER_FINER.name()
+            );
+            reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+            0
+        }
+    };
     (passes.is_some() || error.is_some() || deadline.is_some()).then_some(PassPlan {
         passes,
         deadline,
         grace,
         error,
         causes,
+        // Time alone decides for itself how fine they are.
+        level: if passes.is_some() { finer } else { 0 },
     })
 }

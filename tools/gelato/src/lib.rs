@@ -147,7 +147,14 @@ struct Options {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     passes: Option<u32>,
 
-    /// Make the best image in this number of seconds: as many passes as end in time, at least one
+    /// Let the passes of -passes have points this many times as close on surfaces: 1, 2, 4, 8, 16 or 32. It makes again
+    /// what -seconds made with as fine surfaces
+    #[arg(long, value_name = "F", value_parser = passes::finer, requires = "passes",
+          conflicts_with_all = ["error", "draft", "review", "final_"])]
+    finer: Option<u32>,
+
+    /// Make the best image in this number of seconds: as many passes as end in time, at least one, with finer surfaces
+    /// where these pay more than passes
     #[arg(long, value_name = "T", value_parser = passes::duration, allow_negative_numbers = true)]
     seconds: Option<f64>,
 
@@ -308,7 +315,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 41] = [
+const NOT_FOR_WORKERS: [(&str, &str); 42] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -340,6 +347,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 41] = [
     ("timeout", "workers end with the coordinator"),
     ("keeppartial", "the coordinator writes the images"),
     ("passes", "the coordinator renders them"),
+    ("finer", "the coordinator renders the passes"),
     ("seconds", "the coordinator renders the passes"),
     ("until", "the coordinator renders the passes"),
     ("error", "the coordinator renders the passes"),

@@ -31,6 +31,7 @@ impl Options {
             seconds: self.seconds.or_else(|| self.until.map(|until| until.seconds_from(&Zoned::now()))),
             error: self.error.or(named),
             causes: self.causes,
+            finer: self.finer,
         }
     }
 }
@@ -40,6 +41,14 @@ pub(crate) fn duration(word: &str) -> Result<f64, String> {
     match word.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds <= 1e9 => Ok(seconds),
         _ => Err("expected a number of seconds, more than 0".to_owned()),
+    }
+}
+
+/// Parses how many times as fine surfaces are.
+pub(crate) fn finer(word: &str) -> Result<u32, String> {
+    match word.parse::<u32>() {
+        Ok(finer @ (1 | 2 | 4 | 8 | 16 | 32)) => Ok(finer),
+        _ => Err("expected 1, 2, 4, 8, 16 or 32".to_owned()),
     }
 }
 

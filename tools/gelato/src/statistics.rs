@@ -55,6 +55,7 @@ fn frame(record: &FrameRecord) -> Value {
                 json!({
                     "passes": passes.passes,
                     "coarse": passes.coarse,
+                    "finer": passes.finer,
                     "pixel_samples": passes.pixel_samples,
                     "samples": passes.samples,
                     "of_a_pixel": passes.mean_passes,

@@ -80,6 +80,7 @@ impl Place {
             passes: text("passes"),
             errors: ["error", "error95", "blocks99"].map(number),
             bias: number("bias"),
+            finer: text("finer"),
             pixels: file.read_level(0, 0).unwrap().to_floats(),
         }
     }
@@ -91,6 +92,7 @@ struct Shown {
     passes: Option<String>,
     errors: [Option<f64>; 3],
     bias: Option<f64>,
+    finer: Option<String>,
     pixels: Vec<f32>,
 }
 
@@ -167,8 +169,23 @@ fn time_ends_the_passes_and_the_number_makes_them_again() {
     let took = begin.elapsed();
     assert!(took < Duration::from_secs(5), "{took:?} {said}");
     assert!(timed.passes() > 1, "{said}");
-    let (_, again) = place.image(&["-passes", &timed.passes().to_string()]);
-    assert!(again == timed);
+    let repeat = |shown: &Shown| {
+        let finer = shown.finer.as_deref().unwrap_or("1");
+        place.image(&["-passes", &shown.passes().to_string(), "-finer", finer]).1
+    };
+    let again = repeat(&timed);
+    assert!(again.pixels == timed.pixels && again.finer == timed.finer, "{said}");
+    // Stripes without noise need finer surfaces more than passes.
+    place.write("noisy.gsl", "surface noisy () { C = mod (9 * u, 1) < 0.5 ? 0.8 : 0.2; }");
+    let (said, timed) = place.image(&["-seconds", "8", "-statistics-json", "s.json"]);
+    let finer = timed.finer.as_deref().expect(&said);
+    assert!(said.contains(&format!(", with points {finer} times as close;")), "{said}");
+    assert_eq!(place.json("s.json")["frames"][0]["cameras"][0]["passes"]["finer"].to_string(), finer);
+    assert!(repeat(&timed).pixels == timed.pixels, "{said}");
+    // The attribute requests the same as the option.
+    place.write("front.pyg", &format!("Attribute (\"int render:finer\", {finer})\n"));
+    let (_, by_attribute) = place.image(&["front.pyg", "-passes", &timed.passes().to_string()]);
+    assert!(by_attribute.pixels == timed.pixels);
 }
 
 #[test]
@@ -195,6 +212,8 @@ fn wrong_values_have_messages_that_say_what_is_expected() {
         (["-seconds", "0"], "more than 0"),
         (["-passes", "0"], "1.."),
         (["-until", "25:00"], "18:30"),
+        (["-finer", "2"], "-passes"),
+        (["-passes=2", "-finer=3"], "1, 2, 4, 8, 16 or 32"),
         (["-error=1%", "-final"], "cannot be used with"),
         (["-draft", "-review"], "cannot be used with"),
     ] {
@@ -208,6 +227,9 @@ fn wrong_values_have_messages_that_say_what_is_expected() {
         let ran = place.run(&["front.pyg", "scene.pyg"]);
         assert!(ran.status == 0 && ran.said.contains("is below 0 or not a number"), "{}", ran.said);
     }
+    place.write("front.pyg", "Attribute (\"int render:finer\", 3)\n");
+    let ran = place.run(&["front.pyg", "-passes", "1", "scene.pyg"]);
+    assert!(ran.status == 0 && ran.said.contains("\"render:finer\" 3 is none of"), "{}", ran.said);
 }
 
 #[cfg(unix)]

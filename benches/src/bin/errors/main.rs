@@ -202,7 +202,9 @@ fn run() -> Result<(), String> {
             let words = [&["-threads", &options.threads, "-set", &resolution][..], words].concat();
             render(&gelato, place.path(), (&make(quality), filter), &words)
         };
-        let mut converged = draw(CONVERGED, &["-seconds", &options.converged])?;
+        // With a number of passes, time makes no surfaces finer.
+        let as_it_is = ["-seconds", &options.converged, "-passes", "1000000"];
+        let mut converged = draw(CONVERGED, &as_it_is)?;
         if converged.passes.parse::<u32>().is_ok_and(|passes| passes < 4) {
             converged = draw(CONVERGED, &["-passes", "4"])?;
         }
@@ -237,7 +239,7 @@ fn run() -> Result<(), String> {
             println!(" {:.2} % | {own:.2} % |", four.says_denoised.unwrap_or_default());
             continue;
         }
-        let many = draw(ORDINARY, &["-seconds", &options.converged])?;
+        let many = draw(ORDINARY, &as_it_is)?;
         let noise = many.says.unwrap_or_default();
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
         show(&format!(" {own:.2} % | {bias:.2} % |"))?;

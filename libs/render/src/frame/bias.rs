@@ -104,9 +104,9 @@ fn covariance(differences: &[&[f32]]) -> Covariance {
 }
 
 /// Returns the number of pixels of a rectangle that see different points of the surfaces below a level: a quarter of
-/// all for level 0.
+/// all for level 0, and all for those above.
 fn coarse_pixels(rect: &PixelRect, level: i32) -> f64 {
-    (rect.width() * rect.height()) as f64 * 4.0_f64.powi(level - 1)
+    (rect.width() * rect.height()) as f64 * 4.0_f64.powi((level - 1).min(0))
 }
 
 /// True when so many passes that take `time` leave as much time for the image.
@@ -248,7 +248,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// passes, and decides whether the requested error needs a higher one. Without the time for it, the images are
     /// complete as they are.
     fn measure_bias_again(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
-        let Some(Step { level, larger }) = self.passes.as_ref().map(Passes::last_step) else {
+        let Some(Step { level, larger, .. }) = self.passes.as_ref().map(Passes::last_step) else {
             return Next::Pass;
         };
         let passing = Passing::new(error, 0.0, larger);

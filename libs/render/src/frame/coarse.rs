@@ -115,10 +115,16 @@ impl<S: FrameShader> Frame<'_, S> {
             .map_or(Duration::ZERO, |deadline| deadline.saturating_duration_since(Instant::now()));
         let factor = factor(whole, left);
         let passes = self.passes.as_mut()?;
-        let apart = factor << passes.last_step().level.unsigned_abs();
+        let level = passes.last_step().level;
+        let apart = factor << (-level).max(0);
         passes.coarse = Some(apart);
         let (apart, n) = (apart as f32, factor / 2);
-        self.set_accuracy(Accuracy { dicing: 1.0 / apart, tolerance: apart, samples: 1.0 / apart });
+        let Accuracy { dicing, tolerance, .. } = Accuracy::of_level(level.max(0));
+        self.set_accuracy(Accuracy {
+            dicing: dicing / apart,
+            tolerance: tolerance * apart,
+            samples: 1.0 / apart,
+        });
         self.begin_pass(scene, (0, NoiseSources::default()), plan.error.is_some(), None);
         let fewer = CameraView {
             spatialquality: self.options.camera.spatialquality.map(|samples| (samples / n).max(1)),

@@ -1,22 +1,37 @@
 //! The steps of an image with a requested error (see [`crate::passes`]). It begins with coarse surfaces, which may be
-//! all that the error needs. Where many passes are needed, it goes on with larger ones.
+//! all that the error needs. Where many passes are needed, it goes on with larger ones. Those of an image with a
+//! requested time have finer and finer surfaces ([`super::refine`]).
 
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
 use crate::larger::{Larger, of_pixels_above};
 use crate::output::accumulated::Accumulated;
-use crate::passes::{PILOT, PassPlan};
+use crate::passes::{ErrorEstimate, PILOT, PassPlan};
+use crate::refine::Parts;
 use granita_scene::Scene;
 use parking_lot::Mutex;
+use std::time::Duration;
 
-/// How the passes of a step are rendered. All steps but the last one have [`PILOT`] passes.
+/// How the passes of a step are rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Step {
     /// The level of [`Accuracy`].
     pub(super) level: i32,
     /// How many samples they have.
     pub(super) larger: Larger,
+    /// The first pass. All steps but the last one have [`PILOT`] passes.
+    pub(super) first: u32,
+}
+
+/// The image of a step, which is shown until that of the next one is better.
+pub(super) struct Held {
+    pub(super) errors: Vec<Option<ErrorEstimate>>,
+    /// The number of its passes, and the first of them.
+    pub(super) passes: u32,
+    pub(super) first: u32,
+    /// The parts of its squared error in each image.
+    pub(super) parts: Vec<Parts>,
 }
 
 /// The passes that a frame has and their results so far.
@@ -43,6 +58,10 @@ pub(super) struct Passes {
     pub(super) measured_after: u32,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
+    /// What the images are until finer surfaces are better, where time is requested.
+    pub(super) held: Option<Held>,
+    /// The time of a pass of the step before.
+    pub(super) time_below: Duration,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
     pub(super) crop: PixelRect,
     /// The sums of the images of each eye, one eye after the other.
@@ -57,7 +76,7 @@ impl Passes {
 
     /// Returns the number of the step of a pass.
     fn place_of(&self, number: u32) -> usize {
-        ((number / PILOT) as usize).min(self.steps.len().saturating_sub(1))
+        self.steps.partition_point(|step| step.first <= number).saturating_sub(1)
     }
 
     /// Returns the step of a pass.
@@ -70,19 +89,25 @@ impl Passes {
         self.steps.last().copied().unwrap_or_default()
     }
 
+    /// Returns how many times as fine surfaces are as the scene says, and 1 where they are not finer.
+    pub(super) fn finer(&self) -> u32 {
+        1 << self.step_of(self.first).level.max(0)
+    }
+
     /// Returns the first pass of the step that a pass belongs to.
     pub(super) fn first_of(&self, number: u32) -> u32 {
-        self.place_of(number) as u32 * PILOT
+        self.step_of(number).first
     }
 
     /// Sets the last step, whose passes are `more` levels above the present one, and `larger`. Passes go up to it level
     /// by level if they are not to do so `at_once`.
     pub(super) fn go_on_with(&mut self, more: i32, larger: Larger, at_once: bool) {
-        let level = self.last_step().level;
+        let Step { level, first, .. } = self.last_step();
         let between = if at_once { 0 } else { more - 1 };
-        self.steps.extend((1..=between).map(|k| Step { level: level + k, larger: Larger::default() }));
-        self.steps.push(Step { level: level + more, larger });
-        self.first_of_tiles = self.steps.len() as u32 * PILOT;
+        let levels = (1..=between).map(|k| (level + k, Larger::default())).chain([(level + more, larger)]);
+        let firsts = (1..).map(|k| first + k * PILOT);
+        self.steps.extend(levels.zip(firsts).map(|((level, larger), first)| Step { level, larger, first }));
+        self.first_of_tiles = self.last_step().first + PILOT;
         self.measured_after = if more >= Accuracy::MOST_AT_ONCE { self.first_of_tiles } else { u32::MAX };
     }
 

@@ -43,7 +43,7 @@ const WHOLE: u32 = PILOT;
 const LEAST_OF_SECOND: f64 = 0.6;
 
 /// What decides where an image needs more passes.
-struct Plan {
+pub(super) struct Plan {
     rule: Rule,
     /// The mean of its colours.
     mean: f64,
@@ -51,7 +51,7 @@ struct Plan {
     first: Vec<Spot>,
 }
 
-type Decision = Option<Plan>;
+pub(super) type Decision = Option<Plan>;
 
 impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the frame for passes of images that show the pixels of `crop`.
@@ -59,16 +59,20 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let rect = self.options.camera.crop;
         let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
         let sum = |image: &OutputImage| {
-            let kept = if plan.error.is_some() { PILOT } else { u32::from(plan.causes) };
+            let is_compared = plan.error.is_some() || plan.refines();
+            let kept = if is_compared { PILOT } else { u32::from(plan.causes) };
             Mutex::new(Accumulated::new(image, rect).keeping(kept))
         };
         let sums = images.map(sum).collect();
+        let level = if plan.error.is_some() { 0 } else { plan.level.min(PassPlan::FINEST) };
         self.passes = Some(Passes {
             number: 0,
             is_apart: false,
             first: 0,
             first_of_tiles: PILOT,
-            steps: vec![Step::default()],
+            steps: vec![Step { level: level.cast_signed(), ..Step::default() }],
+            held: None,
+            time_below: Duration::ZERO,
             of_pixels: Vec::new(),
             is_held: false,
             coarse: None,
@@ -89,7 +93,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     ) {
         let Some(sum) = passes.sums.get(index) else { return };
         let mut sum = sum.lock();
-        let is_seen = rect.intersection(&passes.crop) == rect;
+        let is_seen = rect.intersection(&passes.crop) == rect && passes.held.is_none();
         // The first pass may be all that a stopped frame has.
         let shown = (is_seen && !passes.is_apart && (passes.number == 0 || canvas.lock().is_shown()))
             .then(|| sum.with(&rect, &values));
@@ -120,6 +124,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         // Images without colours have no error that more passes could reach.
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let most = if plan.error.is_some() && !has_colors { 1 } else { plan.most() };
+        let refines = plan.refines() && has_colors && self.options.denoising.is_none();
         loop {
             if let Some(error) = plan.error {
                 if self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
@@ -145,6 +150,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     break;
                 }
             }
+            if refines && self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
+                let run = Run { scene, plan, canvases, threads };
+                last = last.map(|(time, pixels)| (self.refine(&run, time).unwrap_or(time), pixels));
+            }
+            self.show_better();
             if completed >= most {
                 break;
             }
@@ -194,7 +204,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if self.passes.as_ref().is_some_and(|passes| passes.is_held) {
             completed = PILOT;
         }
-        let mut errors = if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
+        let (completed, held) = if refines { self.end_refined(completed) } else { (completed, None) };
+        let finish = || if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
+        let mut errors = held.unwrap_or_else(finish);
         if plan.causes && completed > 1 && !self.is_stopped() {
             self.measure_sources(scene, plan, &mut errors, canvases, threads);
         }
@@ -205,7 +217,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.set_accuracy(Accuracy::SCENE);
         self.shader.set_all_rays(false);
         let denoised = if denoised.passes == completed { denoised } else { DenoisedErrors::default() };
-        let report = self.report(plan, completed, &errors, &denoised);
+        let mut report = self.report(plan, completed, &errors, &denoised);
+        if refines {
+            report.mean_passes = f64::from(completed);
+        }
         Passed { failed, report, errors, denoised: denoised.errors }
     }
 
@@ -292,7 +307,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Sets the accuracy of a pass.
     fn set_accuracy_of_pass(&mut self, number: u32) {
         let step = self.passes.as_ref().map(|passes| passes.step_of(number));
-        let Step { level, larger } = step.unwrap_or_default();
+        let Step { level, larger, .. } = step.unwrap_or_default();
         self.set_accuracy(Accuracy { samples: larger.samples(), ..Accuracy::of_level(level) });
     }
 
@@ -491,7 +506,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     }
 
     /// Stores the means on the canvases. Returns the error of each image.
-    fn finish_passes(
+    pub(super) fn finish_passes(
         &self,
         canvases: &[Mutex<Canvas>],
         decisions: &[Decision],
@@ -555,6 +570,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             mean_passes: of_pixels.unwrap_or_default(),
             error,
             coarse: self.passes.as_ref().and_then(Passes::coarseness),
+            finer: self.passes.as_ref().map_or(1, Passes::finer),
             pixel_samples: 1 << (2 * larger.pixels),
             samples: 1 << (2 * larger.shading),
             requested: plan.error.or(of_denoised),

@@ -45,6 +45,8 @@ pub(crate) struct ImagePasses {
     pub(crate) count: u32,
     /// How many times as far apart the points of surfaces are, in a coarse image.
     pub(crate) coarse: Option<u32>,
+    /// How many times as fine surfaces are as the scene says.
+    pub(crate) finer: u32,
     /// The error of the image; `None` where it is not known.
     pub(crate) error: Option<ErrorEstimate>,
     /// The error without its noise; `None` where that was not measured.
@@ -56,12 +58,15 @@ pub(crate) struct ImagePasses {
 /// of the mean of the image.
 pub(crate) fn of_passes(passes: Option<ImagePasses>) -> Params {
     let mut params = Params::new();
-    let Some(ImagePasses { count, coarse, error, .. }) = passes else { return params };
+    let Some(ImagePasses { count, coarse, finer, error, .. }) = passes else { return params };
     let mut set = |name: &str, text: String| {
         let ty = ParamType::of(BaseType::String);
         params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
     };
     set("passes", count.to_string());
+    if finer > 1 {
+        set("finer", finer.to_string());
+    }
     if let Some(factor) = coarse {
         set("coarse", factor.to_string());
     }

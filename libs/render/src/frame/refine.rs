@@ -1,0 +1,148 @@
+//! Finer surfaces for images with a requested time (see [`crate::passes`]).
+
+use super::bias::Run;
+use super::levels::{Held, Passes, Step};
+use super::{Frame, FrameShader};
+use crate::accuracy::{Accuracy, SquaredBias};
+use crate::larger::Larger;
+use crate::output::accumulated::Accumulated;
+use crate::output::canvas::Canvas;
+use crate::passes::{ErrorEstimate, PILOT};
+use crate::refine::{Parts, PassTime, best_levels, left_of_bias};
+use parking_lot::Mutex;
+use std::time::{Duration, Instant};
+
+/// The least time that is left, in passes, for the bias to be measured with coarser ones.
+const LEAST_LEFT: u32 = 4;
+
+/// The least part of the noise that is taken to be left on the next level.
+const LEAST_LEFT_OF_NOISE: f64 = 0.35;
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Decides after the first passes of a step whether the following ones have finer surfaces, so that the error is
+    /// least at the end of the time. `time` is that of the last pass. Returns the expected time of the next one if that
+    /// changes.
+    ///
+    /// The image follows from the level and the number of its passes alone. So time may decide both.
+    pub(super) fn refine(&mut self, run: &Run<'_>, time: Duration) -> Option<Duration> {
+        let passes = self.passes.as_ref()?;
+        let (step, before) = (passes.last_step(), passes.steps.iter().rev().nth(1).copied());
+        let is_begun = before.is_some();
+        if !is_begun && !run.plan.has_time_for(time * LEAST_LEFT) {
+            return None;
+        }
+        let begin = Instant::now();
+        let below = before.map_or(step.level - 1, |before| before.level);
+        let levels = step.level - below;
+        let changes = self.changes_of_frame(run, step.level)?;
+        let left = self.left_of_noise(&changes, levels);
+        let changes = self.squared_changes(&changes, below + 1);
+        let time_below = match is_begun {
+            true => self.passes.as_ref()?.time_below,
+            false => begin.elapsed() / PILOT,
+        };
+        let remains = left_of_bias(levels);
+        let shown = (1.0 - remains).powi(-2);
+        let bias: Vec<SquaredBias> =
+            changes.iter().map(|change| change.scaled(shown * remains * remains)).collect();
+        let mut parts = self.parts(&bias);
+        parts.iter_mut().zip(left).for_each(|(parts, left)| parts.left = left);
+        let passes = self.passes.as_mut()?;
+        if let Some(held) = &mut passes.held {
+            for (parts, change) in held.parts.iter_mut().zip(&changes) {
+                parts.bias = change.scaled(shown).value.max(0.0);
+            }
+        }
+        passes.bias = bias;
+        let left = run.plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
+        let time_of = PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), levels));
+        let more = best_levels(&parts, time_of, left, Accuracy::most_above(step.level));
+        if more == 0 {
+            return None;
+        }
+        self.hold_image(run.canvases, parts);
+        let passes = self.passes.as_mut()?;
+        let first = step.first + PILOT;
+        passes.steps.push(Step { level: step.level + more, larger: Larger::default(), first });
+        passes.measured_after = first + PILOT;
+        passes.time_below = time;
+        self.each_sum(Accumulated::keep_coarser);
+        Duration::try_from_secs_f64(time_of.above(more)).ok()
+    }
+
+    /// Lets the images have what they have now until finer surfaces are better. Those that are held already stay if
+    /// they are better.
+    fn hold_image(&mut self, canvases: &[Mutex<Canvas>], parts: Vec<Parts>) {
+        let is_better = |held: &Held| Parts::largest(&held.parts) <= Parts::largest(&parts);
+        let Some(passes) = &self.passes else { return };
+        if passes.held.as_ref().is_some_and(is_better) {
+            return;
+        }
+        let (first, bias) = (passes.last_step().first, passes.bias.clone());
+        let errors = self.finish_passes(canvases, &[]);
+        if let Some(passes) = &mut self.passes {
+            passes.held = Some(Held { errors, passes: PILOT, first, parts });
+            passes.bias = bias;
+        }
+    }
+
+    /// Shows the images of the last step from the time on when they are better than those that are held.
+    pub(super) fn show_better(&mut self) {
+        let Some(Passes { held: Some(held), bias, first, .. }) = &self.passes else { return };
+        let is_better =
+            *first > held.first && Parts::largest(&self.parts(bias)) < Parts::largest(&held.parts);
+        if let Some(passes) = self.passes.as_mut().filter(|_| is_better) {
+            passes.held = None;
+        }
+    }
+
+    /// Ends the passes after those that were completed. Returns the number of those that the images have, and their
+    /// errors if they are held.
+    pub(super) fn end_refined(&mut self, completed: u32) -> (u32, Option<Vec<Option<ErrorEstimate>>>) {
+        self.show_better();
+        let Some(passes) = &mut self.passes else { return (completed, None) };
+        match passes.held.take() {
+            Some(held) => {
+                passes.first = held.first;
+                (held.passes, Some(held.errors))
+            }
+            // Those of steps before are no part of the images.
+            None => (completed - passes.first, None),
+        }
+    }
+
+    /// Returns the parts of the squared error of each image, which has a bias.
+    fn parts(&self, bias: &[SquaredBias]) -> Vec<Parts> {
+        let whole = self.options.camera.crop;
+        let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+        let of_sum = |(sum, bias): (&Mutex<Accumulated>, &SquaredBias)| {
+            let sum = sum.lock();
+            let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
+            // What noise hides may be there. Its expectation is right.
+            Parts { noise: noise.powi(2), bias: bias.value.max(0.0), left: 1.0 }
+        };
+        sums.zip(bias).map(of_sum).collect()
+    }
+
+    /// Returns the part of the noise of a pass of each image that is left on the next level: what it was in the mean
+    /// from some levels below, from which the first passes have `changes`.
+    fn left_of_noise(&self, changes: &[Vec<Vec<f32>>], levels: i32) -> Vec<f64> {
+        let [first, second] = changes else { return Vec::new() };
+        let variance = |differences: &mut dyn Iterator<Item = f32>| {
+            differences.filter(|v| v.is_finite()).map(|v| f64::from(v).powi(2)).sum::<f64>()
+        };
+        let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
+            let sum = sum.lock();
+            let early = sum.early(0).iter().zip(sum.early(1));
+            let changed = first[index].iter().zip(&second[index]);
+            let here = variance(&mut early.clone().map(|(a, b)| a - b));
+            let below = variance(&mut early.zip(changed).map(|((a, b), (c, d))| (a + c) - (b + d)));
+            if below > 0.0 {
+                libm::pow((here / below).clamp(0.0, 1.0), 1.0 / f64::from(levels)).max(LEAST_LEFT_OF_NOISE)
+            } else {
+                1.0
+            }
+        };
+        self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(of_sum).collect()
+    }
+}
