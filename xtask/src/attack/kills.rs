@@ -117,6 +117,14 @@ fn slow(settings: &str) -> String {
     scenes::frame(&settings, scenes::BALL).replace("(64, 48)", "(640, 480)")
 }
 
+/// True when a process with this status in /proc ignores SIGINT. The programs that it starts do the same.
+fn ignores_interrupts(status: &str) -> bool {
+    const SIGINT: u32 = 2;
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .is_some_and(|mask| mask >> (SIGINT - 1) & 1 != 0)
+}
+
 /// Kills each victim by each signal `rounds` times, or as often as the time allows.
 pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String> {
     let told = |e: io::Error| format!("kills: {e}");
@@ -131,6 +139,12 @@ pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String>
     let left = attack.end.saturating_duration_since(Instant::now());
     let end_of_part = Instant::now() + left / SHARE;
     let mut durations = [Duration::ZERO; VICTIMS.len()];
+    let ignores_interrupts = ignores_interrupts(&fs::read_to_string("/proc/self/status").map_err(told)?);
+    if ignores_interrupts {
+        println!(
+            "attack: kills: INT is ignored here, as in the background of a script; TERM stands in for it"
+        );
+    }
     for round in 0..rounds.unwrap_or(u64::MAX) {
         for (number, victim) in VICTIMS.iter().enumerate() {
             if !attack.is_wanted("kills", victim.name) {
@@ -145,7 +159,10 @@ pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String>
             if durations[number].is_zero() {
                 durations[number] = victim.duration(attack, &place).map_err(told)?;
             }
-            let signal = ["TERM", "INT", "KILL"][(round as usize + number) % 3];
+            let signal = match ["TERM", "INT", "KILL"][(round as usize + number) % 3] {
+                "INT" if ignores_interrupts => "TERM",
+                signal => signal,
+            };
             let mut random = Random::new(attack.seed, round * VICTIMS.len() as u64 + number as u64);
             let moment = durations[number].mul_f64(random.share());
             let case = format!("{}-{signal}-{:.0}ms", victim.name, moment.as_secs_f64() * 1e3);
@@ -245,5 +262,19 @@ impl Victim {
             wrong.push(format!("left {}{when}", left.join(" ")));
         }
         Ok((!wrong.is_empty()).then(|| format!("{signal}: {}", wrong.join("; "))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ignores_interrupts;
+
+    #[test]
+    fn ignored_interrupts_are_found() {
+        let status = |mask: &str| format!("Name:\tx\nSigBlk:\t0000000000000002\nSigIgn:\t{mask}\n");
+        let found = ["0000000000000000", "0000000000001002", "0000000000001000"]
+            .map(|mask| ignores_interrupts(&status(mask)));
+        assert_eq!(found, [false, true, false]);
+        assert!(!ignores_interrupts(""));
     }
 }
