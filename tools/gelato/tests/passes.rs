@@ -174,7 +174,10 @@ fn time_ends_the_passes_and_the_number_makes_them_again() {
         place.image(&["-passes", &shown.passes().to_string(), "-finer", finer]).1
     };
     let again = repeat(&timed);
-    assert!(again.pixels == timed.pixels && again.finer == timed.finer, "{said}");
+    // A number of passes measures no bias, which is a part of the error.
+    let is_measured = timed.bias.is_some();
+    assert!((&again.passes, &again.finer) == (&timed.passes, &timed.finer), "{said}");
+    assert!(again.pixels == timed.pixels && (is_measured || again == timed), "{said}");
     // Stripes without noise need finer surfaces more than passes.
     place.write("noisy.gsl", "surface noisy () { C = mod (9 * u, 1) < 0.5 ? 0.8 : 0.2; }");
     let (said, timed) = place.image(&["-seconds", "8", "-statistics-json", "s.json"]);

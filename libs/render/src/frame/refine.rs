@@ -35,7 +35,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let below = before.map_or(step.level - 1, |before| before.level);
         let levels = step.level - below;
         let changes = self.changes_of_frame(run, step.level)?;
-        let left = self.left_of_noise(&changes, levels);
+        let left_of_noise = self.left_of_noise(&changes, levels);
         let changes = self.squared_changes(&changes, below + 1);
         let time_below = match is_begun {
             true => self.passes.as_ref()?.time_below,
@@ -46,7 +46,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let bias: Vec<SquaredBias> =
             changes.iter().map(|change| change.scaled(shown * remains * remains)).collect();
         let mut parts = self.parts(&bias);
-        parts.iter_mut().zip(left).for_each(|(parts, left)| parts.left = left);
+        parts.iter_mut().zip(left_of_noise).for_each(|(parts, left)| parts.left = left);
         let passes = self.passes.as_mut()?;
         if let Some(held) = &mut passes.held {
             for (parts, change) in held.parts.iter_mut().zip(&changes) {
@@ -78,11 +78,10 @@ impl<S: FrameShader> Frame<'_, S> {
         if passes.held.as_ref().is_some_and(is_better) {
             return;
         }
-        let (first, bias) = (passes.last_step().first, passes.bias.clone());
+        let first = passes.last_step().first;
         let errors = self.finish_passes(canvases, &[]);
         if let Some(passes) = &mut self.passes {
             passes.held = Some(Held { errors, passes: PILOT, first, parts });
-            passes.bias = bias;
         }
     }
 
