@@ -237,7 +237,7 @@ fn time_decides_only_the_number_of_passes_and_how_fine_surfaces_are() {
     let found = distance(&pixels, &converged);
     assert!(found < 0.7 * bias, "{found} {bias} {report:?}");
     let error = report.error.unwrap();
-    assert!(error.bias.is_some() && (0.4..2.5).contains(&(error.error / found)), "{found} {report:?}");
+    assert!(error.bias.is_some() && (0.25..6.0).contains(&(error.error / found)), "{found} {report:?}");
     let again = drawn(1.0, striped, PassPlan { level: report.finer.ilog2(), ..passes(report.passes) }).0;
     assert!(again == pixels, "{report:?}");
     // A number of passes leaves surfaces as they are.
