@@ -21,6 +21,7 @@ mod shade;
 mod shader;
 mod sighting;
 mod spread;
+mod summary;
 
 use crate::bucket::{BucketOrder, Buckets};
 use crate::environment::Progress;
@@ -303,6 +304,7 @@ pub(crate) fn render<S: FrameShader>(
                 count: passed.report.passes,
                 coarse: passed.report.coarse,
                 finer: passed.report.finer,
+                larger: [passed.report.pixel_samples, passed.report.samples],
                 error: passed.errors.get(index).copied().flatten(),
                 denoised: passed.denoised.get(index).copied().flatten(),
             });

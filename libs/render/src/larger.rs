@@ -4,7 +4,7 @@
 //! has less noise than four passes, and takes less time. Samples of pixels and those of lights and rays become more
 //! each by itself: one more pass shows which of them the noise comes from.
 
-use crate::passes::PILOT;
+use crate::passes::{PILOT, PassPlan};
 
 /// The part of the squared noise of a pass that is left with four times the samples of pixels, and of lights and rays.
 /// It would be a quarter if they were independent of each other. (On Stanford's dragon under a panorama, it was a
@@ -16,25 +16,28 @@ const LEFT_OF_LEVEL: f64 = 0.4;
 /// The largest number of samples along one side of a pixel. More would need too much memory.
 const MOST_SAMPLES: u32 = 16;
 /// The part of the noise that comes from the samples of pixels above which shading is taken to draw nothing.
-const ALL: f64 = 0.95;
+pub(crate) const ALL: f64 = 0.95;
 
 /// How many times the samples of a frame without passes the passes of an image have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Larger {
-    /// They have `2^pixels` times the samples along each side of a pixel.
+    /// They have `2^pixels` times the samples along each side of a pixel, from 0 to [`PassPlan::LARGEST`].
     pub(crate) pixels: u32,
-    /// They have `4^shading` times the samples of lights and rays.
+    /// They have `4^shading` times the samples of lights and rays, from 0 to the same.
     pub(crate) shading: u32,
 }
 
 impl Larger {
-    /// The largest of both numbers.
-    const MOST: u32 = 2;
+    /// Returns those that are possible with a number of samples along the sides of a pixel, the smaller ones first.
+    pub(crate) fn possible([x, y]: [u32; 2]) -> Vec<Self> {
+        let of_pixels = |pixels| (0..=PassPlan::LARGEST).map(move |shading| Self { pixels, shading });
+        let all = (0..=PassPlan::LARGEST).flat_map(of_pixels);
+        all.filter(|larger| larger.pixels == 0 || x.max(y) << larger.pixels <= MOST_SAMPLES).collect()
+    }
 
-    /// Returns all, the smaller ones first.
-    fn all() -> impl Iterator<Item = Self> {
-        let of_pixels = |pixels| (0..=Self::MOST).map(move |shading| Self { pixels, shading });
-        (0..=Self::MOST).flat_map(of_pixels)
+    /// Returns the part of the time of a pass that hides surfaces behind each other.
+    pub(crate) fn of_hiding(is_drawn: bool) -> f64 {
+        if is_drawn { 0.07 } else { 0.4 }
     }
 
     /// True when the passes have more samples of any kind.
@@ -49,7 +52,8 @@ impl Larger {
     /// hide surfaces behind each other, and the others 0.4. Half of the dicing step, and so four times the points, take
     /// 3 times the time.
     fn time(self, is_drawn: bool, steps: i32) -> f64 {
-        let [fixed, hiding, shading] = if is_drawn { [0.13, 0.07, 0.8] } else { [0.6, 0.4, 0.0] };
+        let [fixed, shading] = if is_drawn { [0.13, 0.8] } else { [0.6, 0.0] };
+        let hiding = Self::of_hiding(is_drawn);
         let power = |base: f64, exponent: u32| base.powi(exponent.cast_signed());
         let of_points = fixed + shading * power(4.0, self.shading);
         3.0_f64.powi(steps) * of_points + hiding * power(4.0, self.pixels)
@@ -62,7 +66,7 @@ impl Larger {
 
     /// Returns the part of the squared noise of a pass that is left `steps` levels above, of which the part `of_pixels`
     /// comes from the samples of pixels.
-    fn left(self, of_pixels: f64, steps: i32) -> f64 {
+    pub(crate) fn left(self, of_pixels: f64, steps: i32) -> f64 {
         self.left_where(LEFT, (of_pixels, steps))
     }
 
@@ -96,7 +100,7 @@ pub(crate) struct Need {
 
 /// Returns how large passes must be for all images to have the requested error in the least time. There are
 /// [`PILOT`] passes which the image keeps if neither the samples nor the level change.
-pub(crate) fn best(needs: &[Need], most: u32) -> Larger {
+pub(crate) fn best(needs: &[Need], samples: [u32; 2]) -> Larger {
     let steps = needs.iter().map(|need| need.steps).max().unwrap_or(0);
     let is_drawn = needs.iter().any(|need| need.of_pixels < ALL);
     let time = |larger: &Larger| {
@@ -105,9 +109,8 @@ pub(crate) fn best(needs: &[Need], most: u32) -> Larger {
         let kept = if larger.is_any() || steps > 0 { 0.0 } else { f64::from(PILOT) };
         (passes - kept) * larger.time(is_drawn, steps)
     };
-    let fits = |larger: &Larger| larger.pixels == 0 || most << larger.pixels <= MOST_SAMPLES;
     // The first of equal ones, which is the smallest, is chosen.
-    Larger::all().filter(fits).min_by(|a, b| time(a).total_cmp(&time(b))).unwrap_or_default()
+    Larger::possible(samples).into_iter().min_by(|a, b| time(a).total_cmp(&time(b))).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -120,7 +123,7 @@ mod tests {
 
     #[test]
     fn samples_are_added_where_the_noise_comes_from() {
-        let of = |passes: f64, of_pixels: f64| best(&[Need { passes, of_pixels, steps: 0 }], 4);
+        let of = |passes: f64, of_pixels: f64| best(&[Need { passes, of_pixels, steps: 0 }], [4, 2]);
         assert_eq!([2.0, 3.0].map(|passes| of(passes, 1.0)), [larger(0, 0); 2]);
         assert_eq!([16.0, 100.0].map(|passes| of(passes, 1.0)), [larger(1, 0), larger(2, 0)]);
         assert_eq!(
@@ -131,14 +134,14 @@ mod tests {
         assert_eq!(of(16.0, 0.5), larger(1, 1));
         assert_eq!(of(8.0, 0.8), larger(1, 0));
         // Memory limits them.
-        assert_eq!(best(&[Need { passes: 100.0, of_pixels: 1.0, steps: 0 }], 8), larger(1, 0));
+        assert_eq!(best(&[Need { passes: 100.0, of_pixels: 1.0, steps: 0 }], [4, 8]), larger(1, 0));
         // Finer surfaces have less noise of shading.
-        let finer = |of_pixels| best(&[Need { passes: 8.0, of_pixels, steps: 1 }], 4);
+        let finer = |of_pixels| best(&[Need { passes: 8.0, of_pixels, steps: 1 }], [4; 2]);
         assert_eq!([0.0, 1.0].map(finer), [larger(0, 0), larger(1, 0)]);
         assert_eq!([0.0, 1.0].map(|of_pixels| of_pixels_above(of_pixels, 1)), [0.0, 1.0]);
         assert!((of_pixels_above(0.5, 1) - 0.5 / 0.7).abs() < 1e-12);
         // All images get what they need.
         let both = [1.0, 0.0].map(|of_pixels| Need { passes: 30.0, of_pixels, steps: 0 });
-        assert_eq!(best(&both, 4), larger(1, 1));
+        assert_eq!(best(&both, [4; 2]), larger(1, 1));
     }
 }

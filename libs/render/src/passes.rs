@@ -16,8 +16,8 @@
 //! finer surfaces ([`crate::accuracy`]). It is measured once more where these are much finer. Where many passes are
 //! needed, they have more samples each ([`crate::larger`]). Filters of textures and shadow maps are not part of it.
 //!
-//! With a requested time, surfaces become finer where that is expected to leave the least error at its end. Such an
-//! image is that of its number of passes with surfaces as fine.
+//! With a requested time, surfaces become finer and passes larger where that is expected to leave the least error at
+//! its end. Such an image is that of its number of passes with surfaces as fine and as many samples.
 
 use crate::accuracy::{Accuracy, SquaredBias};
 use granita_base::NoiseSource;
@@ -36,8 +36,8 @@ pub(crate) const TOLERANCE: f64 = 1.05;
 /// points of grids.
 pub(crate) const PIXELS_PER_NUMBER: f64 = 9.0;
 
-/// The end of the passes of an image.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The end of the passes of an image. Without any, there are [`PassPlan::MOST`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassPlan {
     /// The largest number of passes, at least 1; `None` when only time or error end them.
     pub passes: Option<u32>,
@@ -53,6 +53,9 @@ pub struct PassPlan {
     /// The level of surfaces where no error is requested, from 0 to [`PassPlan::FINEST`]: they are `2^level` times as
     /// fine as the scene says.
     pub level: u32,
+    /// The samples of pixels, and of lights and rays, of a pass where no error is requested: `4^n` times those of a
+    /// frame without passes, with `n` from 0 to [`PassPlan::LARGEST`].
+    pub larger: [u32; 2],
 }
 
 impl PassPlan {
@@ -62,7 +65,10 @@ impl PassPlan {
     /// The finest level.
     pub const FINEST: u32 = Accuracy::MOST.unsigned_abs();
 
-    /// True when surfaces become finer where that is the best use of the time.
+    /// The largest power of 4 by which passes have more samples.
+    pub const LARGEST: u32 = 2;
+
+    /// True when surfaces become finer, and passes larger, where that is the best use of the time.
     pub(crate) fn refines(&self) -> bool {
         self.deadline.is_some() && self.passes.is_none() && self.error.is_none() && !self.causes
     }

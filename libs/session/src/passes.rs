@@ -22,6 +22,8 @@ pub struct PassOptions {
     /// How many times as fine surfaces are as the scene says, for a number of passes without an error
     /// ("render:finer").
     pub finer: Option<u32>,
+    /// How many times the samples of pixels, and of lights and rays, such passes have ("render:larger").
+    pub larger: Option<[u32; 2]>,
 }
 
 /// Returns the passes of a frame; `None` for a frame of its own. `idle_since` is the time at which the session began to
@@ -64,24 +66,42 @@ pub(crate) fn plan(
         time.map_or(least, |(seconds, _)| least.max(Duration::from_secs_f64((seconds * part).min(60.0))));
     // Differences between passes need two of them.
     let passes = passes.or((causes && error.is_none() && deadline.is_none()).then_some(2));
-    let finer = match asked.finer.map_or_else(|| scene.get(attr::RENDER_FINER), u32::cast_signed) {
-        finer @ 1.. if finer.count_ones() == 1 && finer <= 1 << PassPlan::FINEST => finer.ilog2(),
-        finer => {
-            let text = format!(
-                "\"{}\" {finer} is none of 1, 2, 4, 8, 16 and 32; it is ignored",
-                attr::RENDER_FINER.name()
-            );
-            reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
-            0
+    let refused = |name: &str, value: String, expected: &str| {
+        let text = format!("\"{name}\" {value} is none of {expected}; it is ignored");
+        reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+    };
+    let finer = asked.finer.map_or_else(|| scene.get(attr::RENDER_FINER), u32::cast_signed);
+    let level = power_of(2, finer).filter(|level| *level <= PassPlan::FINEST).unwrap_or_else(|| {
+        refused(attr::RENDER_FINER.name(), finer.to_string(), "1, 2, 4, 8, 16 and 32");
+        0
+    });
+    let of_scene = || scene.get(attr::RENDER_LARGER);
+    let larger = asked.larger.map_or_else(of_scene, |both| both.map(u32::cast_signed));
+    let power = |factor| power_of(4, factor).filter(|power| *power <= PassPlan::LARGEST);
+    let larger = match larger.map(power) {
+        [Some(pixels), Some(shading)] => [pixels, shading],
+        _ => {
+            let [pixels, shading] = larger;
+            refused(attr::RENDER_LARGER.name(), format!("{pixels} {shading}"), "1, 4 and 16");
+            [0; 2]
         }
     };
+    // Time alone decides for itself how fine and large they are.
+    let (level, larger) = if passes.is_some() { (level, larger) } else { (0, [0; 2]) };
     (passes.is_some() || error.is_some() || deadline.is_some()).then_some(PassPlan {
         passes,
         deadline,
         grace,
         error,
         causes,
-        // Time alone decides for itself how fine they are.
-        level: if passes.is_some() { finer } else { 0 },
+        level,
+        larger,
     })
+}
+
+/// Returns the power of a base that a number is; `None` where it is none.
+fn power_of(base: u32, number: i32) -> Option<u32> {
+    let number = u32::try_from(number).ok()?;
+    let power = number.checked_ilog(base)?;
+    (base.pow(power) == number).then_some(power)
 }

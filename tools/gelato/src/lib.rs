@@ -153,8 +153,14 @@ struct Options {
           conflicts_with_all = ["error", "draft", "review", "final_"])]
     finer: Option<u32>,
 
+    /// Let the passes of -passes have P times the samples of pixels, and S times those of lights and rays: 1, 4 or 16
+    /// (without S 1). It makes again what -seconds made with as many
+    #[arg(long, value_name = "P,S", value_parser = passes::larger, requires = "passes",
+          conflicts_with_all = ["error", "draft", "review", "final_"])]
+    larger: Option<[u32; 2]>,
+
     /// Make the best image in this number of seconds: as many passes as end in time, at least one, with finer surfaces
-    /// where these pay more than passes
+    /// and more samples in each where these pay more than passes
     #[arg(long, value_name = "T", value_parser = passes::duration, allow_negative_numbers = true)]
     seconds: Option<f64>,
 
@@ -315,7 +321,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 42] = [
+const NOT_FOR_WORKERS: [(&str, &str); 43] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -348,6 +354,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 42] = [
     ("keeppartial", "the coordinator writes the images"),
     ("passes", "the coordinator renders them"),
     ("finer", "the coordinator renders the passes"),
+    ("larger", "the coordinator renders the passes"),
     ("seconds", "the coordinator renders the passes"),
     ("until", "the coordinator renders the passes"),
     ("error", "the coordinator renders the passes"),

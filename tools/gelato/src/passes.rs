@@ -32,6 +32,7 @@ impl Options {
             error: self.error.or(named),
             causes: self.causes,
             finer: self.finer,
+            larger: self.larger,
         }
     }
 }
@@ -49,6 +50,16 @@ pub(crate) fn finer(word: &str) -> Result<u32, String> {
     match word.parse::<u32>() {
         Ok(finer @ (1 | 2 | 4 | 8 | 16 | 32)) => Ok(finer),
         _ => Err("expected 1, 2, 4, 8, 16 or 32".to_owned()),
+    }
+}
+
+/// Parses how many times the samples of pixels, and of lights and rays, passes have.
+pub(crate) fn larger(word: &str) -> Result<[u32; 2], String> {
+    let (pixels, shading) = word.split_once(',').unwrap_or((word, "1"));
+    let both = [pixels, shading].map(|factor| factor.trim().parse::<u32>());
+    match both {
+        [Ok(pixels @ (1 | 4 | 16)), Ok(shading @ (1 | 4 | 16))] => Ok([pixels, shading]),
+        _ => Err("expected one or two of 1, 4 and 16, as \"4,1\"".to_owned()),
     }
 }
 

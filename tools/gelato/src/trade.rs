@@ -43,7 +43,7 @@ const ERRORS: [f64; 5] = [0.08, 0.04, 0.02, 0.01, 0.005];
 const WORTH: f64 = 0.05;
 
 /// The options that are not passed on, because the runs have their own.
-const OWN: [&str; 24] = [
+const OWN: [&str; 25] = [
     "trade",
     "files",
     "error",
@@ -54,6 +54,7 @@ const OWN: [&str; 24] = [
     "until",
     "passes",
     "finer",
+    "larger",
     "causes",
     "denoise",
     "output",

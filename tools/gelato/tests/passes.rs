@@ -81,6 +81,7 @@ impl Place {
             errors: ["error", "error95", "blocks99"].map(number),
             bias: number("bias"),
             finer: text("finer"),
+            larger: text("larger").map(|both| both.replace(' ', ",")),
             pixels: file.read_level(0, 0).unwrap().to_floats(),
         }
     }
@@ -93,6 +94,7 @@ struct Shown {
     errors: [Option<f64>; 3],
     bias: Option<f64>,
     finer: Option<String>,
+    larger: Option<String>,
     pixels: Vec<f32>,
 }
 
@@ -170,23 +172,27 @@ fn time_ends_the_passes_and_the_number_makes_them_again() {
     assert!(took < Duration::from_secs(5), "{took:?} {said}");
     assert!(timed.passes() > 1, "{said}");
     let repeat = |shown: &Shown| {
-        let finer = shown.finer.as_deref().unwrap_or("1");
-        place.image(&["-passes", &shown.passes().to_string(), "-finer", finer]).1
+        let passes = shown.passes().to_string();
+        let [finer, larger] = [&shown.finer, &shown.larger].map(|word| word.as_deref().unwrap_or("1"));
+        place.image(&["-passes", &passes, "-finer", finer, "-larger", larger]).1
     };
     let again = repeat(&timed);
     // A number of passes measures no bias, which is a part of the error.
     let is_measured = timed.bias.is_some();
-    assert!((&again.passes, &again.finer) == (&timed.passes, &timed.finer), "{said}");
+    let shown = |shown: &Shown| [&shown.passes, &shown.finer, &shown.larger].map(Clone::clone);
+    assert_eq!(shown(&again), shown(&timed), "{said}");
     assert!(again.pixels == timed.pixels && (is_measured || again == timed), "{said}");
     // Stripes without noise need finer surfaces more than passes.
     place.write("noisy.gsl", "surface noisy () { C = mod (9 * u, 1) < 0.5 ? 0.8 : 0.2; }");
     let (said, timed) = place.image(&["-seconds", "8", "-statistics-json", "s.json"]);
     let finer = timed.finer.as_deref().expect(&said);
-    assert!(said.contains(&format!(", with points {finer} times as close;")), "{said}");
+    assert!(said.contains(&format!(", with points {finer} times as close")), "{said}");
     assert_eq!(place.json("s.json")["frames"][0]["cameras"][0]["passes"]["finer"].to_string(), finer);
     assert!(repeat(&timed).pixels == timed.pixels, "{said}");
     // The attribute requests the same as the option.
-    place.write("front.pyg", &format!("Attribute (\"int render:finer\", {finer})\n"));
+    let larger = timed.larger.as_deref().unwrap_or("1,1").replace(',', ", ");
+    let attributes = [format!("int render:finer\", {finer}"), format!("int[2] render:larger\", ({larger})")];
+    place.write("front.pyg", &attributes.map(|text| format!("Attribute (\"{text})\n")).concat());
     let (_, by_attribute) = place.image(&["front.pyg", "-passes", &timed.passes().to_string()]);
     assert!(by_attribute.pixels == timed.pixels);
 }
@@ -217,6 +223,8 @@ fn wrong_values_have_messages_that_say_what_is_expected() {
         (["-until", "25:00"], "18:30"),
         (["-finer", "2"], "-passes"),
         (["-passes=2", "-finer=3"], "1, 2, 4, 8, 16 or 32"),
+        (["-larger", "4"], "-passes"),
+        (["-passes=2", "-larger=4,2"], "1, 4 and 16"),
         (["-error=1%", "-final"], "cannot be used with"),
         (["-draft", "-review"], "cannot be used with"),
     ] {
@@ -230,9 +238,14 @@ fn wrong_values_have_messages_that_say_what_is_expected() {
         let ran = place.run(&["front.pyg", "scene.pyg"]);
         assert!(ran.status == 0 && ran.said.contains("is below 0 or not a number"), "{}", ran.said);
     }
-    place.write("front.pyg", "Attribute (\"int render:finer\", 3)\n");
-    let ran = place.run(&["front.pyg", "-passes", "1", "scene.pyg"]);
-    assert!(ran.status == 0 && ran.said.contains("\"render:finer\" 3 is none of"), "{}", ran.said);
+    for (attribute, value, said) in [
+        ("int render:finer", "3", "\"render:finer\" 3 is none of"),
+        ("int[2] render:larger", "(4, 64)", "\"render:larger\" 4 64 is none of"),
+    ] {
+        place.write("front.pyg", &format!("Attribute (\"{attribute}\", {value})\n"));
+        let ran = place.run(&["front.pyg", "-passes", "1", "scene.pyg"]);
+        assert!(ran.status == 0 && ran.said.contains(said), "{}", ran.said);
+    }
 }
 
 #[cfg(unix)]

@@ -1,6 +1,7 @@
 //! Measures what larger passes need to know of the noise of the first ones (see [`crate::larger`]).
 
 use super::bias::Run;
+use super::coarse::Limit;
 use super::{Frame, FrameShader};
 use crate::accuracy::{Accuracy, SquaredBias};
 use crate::larger::{Larger, Need, best};
@@ -36,19 +37,20 @@ impl<S: FrameShader> Frame<'_, S> {
         let known = needs.into_iter().zip(&passes.of_pixels);
         let needs: Vec<Need> =
             known.map(|(need, of_pixels)| Need { of_pixels: *of_pixels, ..need }).collect();
-        best(&needs, self.options.camera.spatialquality.into_iter().max().unwrap_or(1))
+        best(&needs, self.options.camera.spatialquality)
     }
 
     /// Measures which part of the noise of the first passes of a level comes from the samples of pixels, if that is not
     /// known: the first one is rendered again with other samples of pixels.
-    fn measure_noise_of_pixels(&mut self, run: &Run<'_>, level: i32) {
+    pub(super) fn measure_noise_of_pixels(&mut self, run: &Run<'_>, level: i32) {
         if self.passes.as_ref().is_none_or(|passes| !passes.of_pixels.is_empty()) {
             return;
         }
         self.set_accuracy(Accuracy::of_level(level));
         self.begin_pass(run.scene, (0, NoiseSources::OF_PIXELS), false, Some(Larger::default()));
         let all: Vec<usize> = (0..self.buckets.order.len()).collect();
-        if self.render_pass(run.scene, None, run.canvases, run.threads, &all).is_err() {
+        let limit = run.plan.deadline.map(|deadline| Limit::At(deadline + run.plan.grace));
+        if self.render_pass(run.scene, limit, run.canvases, run.threads, &all).is_err() {
             return;
         }
         let whole = self.options.camera.crop;

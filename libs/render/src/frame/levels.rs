@@ -24,6 +24,15 @@ pub(super) struct Step {
     pub(super) first: u32,
 }
 
+impl Step {
+    /// Returns the step of a plan without an error.
+    pub(super) fn requested(plan: &PassPlan) -> Self {
+        let [pixels, shading] = plan.larger.map(|n| n.min(PassPlan::LARGEST));
+        let level = plan.level.min(PassPlan::FINEST).cast_signed();
+        Self { level, larger: Larger { pixels, shading }, first: 0 }
+    }
+}
+
 /// The image of a step, which is shown until that of the next one is better.
 pub(super) struct Held {
     pub(super) errors: Vec<Option<ErrorEstimate>>,

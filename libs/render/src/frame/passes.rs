@@ -13,7 +13,7 @@ use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
-use crate::passes::{ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, Spot, fall};
+use crate::passes::{ErrorEstimate, PILOT, PassPlan, PassReport, Rule, Spot, fall};
 use granita_base::{NoiseSource, NoiseSources, PassNumbers};
 use granita_dicing::CameraView;
 use granita_dicing::camera::is_moving;
@@ -46,7 +46,7 @@ const LEAST_OF_SECOND: f64 = 0.6;
 pub(super) struct Plan {
     rule: Rule,
     /// The mean of its colours.
-    mean: f64,
+    pub(super) mean: f64,
     /// The parts of the image after its first passes.
     first: Vec<Spot>,
 }
@@ -64,13 +64,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             Mutex::new(Accumulated::new(image, rect).keeping(kept))
         };
         let sums = images.map(sum).collect();
-        let level = if plan.error.is_some() { 0 } else { plan.level.min(PassPlan::FINEST) };
+        let step = if plan.error.is_some() { Step::default() } else { Step::requested(plan) };
         self.passes = Some(Passes {
             number: 0,
             is_apart: false,
             first: 0,
             first_of_tiles: PILOT,
-            steps: vec![Step { level: level.cast_signed(), ..Step::default() }],
+            steps: vec![step],
             held: None,
             time_below: Duration::ZERO,
             of_pixels: Vec::new(),
@@ -169,7 +169,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let predicted =
                 last.map(|(time, before)| time.mul_f64(part * pixels as f64 / before.max(1) as f64));
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
-                break;
+                let before = if refines { self.return_to_step_before(plan, completed) } else { None };
+                let Some((number, time)) = before else { break };
+                (completed, last) = (number, Some((time, pixels)));
+                continue;
             }
             let is_held = self.passes.as_ref().is_some_and(|passes| passes.is_held);
             let is_first = completed == 0 && !is_held;
@@ -345,8 +348,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     }
 
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
-    /// tiles instead of buckets, and so do large ones. Tiles do not depend on the size of buckets, and samples of large
-    /// passes fit into them.
+    /// tiles instead of buckets, and so do large ones of the images. Tiles do not depend on the size of buckets, and
+    /// samples of large passes fit into them.
     /// `apart` has the samples of a pass that is no part of the images. `varied` are noise sources with other numbers.
     /// The first pass of each step has the numbers of the frame without passes, so that levels can be compared.
     pub(super) fn begin_pass(
@@ -372,7 +375,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.shader.begin_pass(numbers);
         let of_samples = with_more_samples(camera, 1 << larger.pixels);
         self.set_pattern(SamplePattern::of_pass(&of_samples, is_moving(scene, camera), numbers));
-        if has_tiles && (pass >= first_of_tiles || larger.is_any()) {
+        let is_larger = larger.is_any() && (has_tiles || apart.is_none());
+        if has_tiles && pass >= first_of_tiles || is_larger {
             let side = TILE.unsigned_abs();
             let order = BucketOrder::plain(&camera.bucketorder);
             self.buckets = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
@@ -503,81 +507,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
         let begun = threads as f64 / list.len().max(1) as f64;
         if all > 0.0 { (part / all + begun).min(1.0) } else { 0.0 }
-    }
-
-    /// Stores the means on the canvases. Returns the error of each image.
-    pub(super) fn finish_passes(
-        &self,
-        canvases: &[Mutex<Canvas>],
-        decisions: &[Decision],
-    ) -> Vec<Option<ErrorEstimate>> {
-        let Some(passes) = &self.passes else { return Vec::new() };
-        let mut errors = Vec::with_capacity(passes.sums.len());
-        for (index, (sum, canvas)) in passes.sums.iter().zip(canvases).enumerate() {
-            let sum = sum.lock();
-            let of_frame = decisions.get(index).and_then(|decision| decision.as_ref().map(|plan| plan.mean));
-            let mean = of_frame.or_else(|| sum.mean());
-            let is_error = self.outputs.images[index % self.outputs.images.len()].is_error;
-            canvas.lock().restart();
-            for bucket in &self.buckets.order {
-                let seen = bucket.intersection(&passes.crop);
-                if !seen.is_empty() {
-                    canvas.lock().begin(&seen);
-                    let values = match mean.filter(|mean| is_error && *mean != 0.0) {
-                        Some(mean) => sum.deviations(&seen, mean),
-                        None if is_error => vec![0.0; seen.width() * seen.height() * 3],
-                        None => sum.pixels(&seen),
-                    };
-                    self.store(canvas, &seen, &values);
-                }
-            }
-            let error = mean.and_then(|mean| sum.error(&passes.crop, mean));
-            errors
-                .push(error.map(|error| passes.bias.get(index).map_or(error, |bias| error.with_bias(bias))));
-        }
-        errors
-    }
-
-    /// Returns the names of the images with their errors.
-    fn image_errors(&self, errors: &[Option<ErrorEstimate>]) -> Vec<ImageError> {
-        let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
-        let name = |image: &OutputImage| image.path.to_string_lossy().into_owned();
-        images.zip(errors).map(|(image, error)| ImageError { name: name(image), error: *error }).collect()
-    }
-
-    /// Returns the report of the passes.
-    fn report(
-        &self,
-        plan: &PassPlan,
-        passes: u32,
-        errors: &[Option<ErrorEstimate>],
-        denoised: &DenoisedErrors,
-    ) -> PassReport {
-        let error = errors.iter().flatten().copied().max_by(|a, b| a.error.total_cmp(&b.error));
-        let of_pixels = self.passes.as_ref().and_then(|all| {
-            let pixels = all.crop.width() * all.crop.height();
-            Some(all.sums.first()?.lock().passes(&all.crop) as f64 / pixels.max(1) as f64)
-        });
-        let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
-        let is_above = |most: f32| error.map_or_else(|| has_colors, |error| !error.is_within(most));
-        let is_short = plan.error.is_some_and(is_above);
-        let is_unsure = plan.error.is_some() && error.is_some_and(|error| error.bias.is_none());
-        let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
-        let step = self.passes.as_ref().map(|passes| passes.step_of(passes.first));
-        let larger = step.unwrap_or_default().larger;
-        PassReport {
-            passes,
-            mean_passes: of_pixels.unwrap_or_default(),
-            error,
-            coarse: self.passes.as_ref().and_then(Passes::coarseness),
-            finer: self.passes.as_ref().map_or(1, Passes::finer),
-            pixel_samples: 1 << (2 * larger.pixels),
-            samples: 1 << (2 * larger.shading),
-            requested: plan.error.or(of_denoised),
-            is_unsure: is_unsure && !is_short,
-            is_short: is_short || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),
-            images: self.image_errors(errors),
-        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Finer surfaces for images with a requested time (see [`crate::passes`]).
+//! Finer surfaces and larger passes for images with a requested time (see [`crate::passes`]).
 
 use super::bias::Run;
 use super::levels::{Held, Passes, Step};
@@ -7,23 +7,27 @@ use crate::accuracy::{Accuracy, SquaredBias};
 use crate::larger::Larger;
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
-use crate::passes::{ErrorEstimate, PILOT};
-use crate::refine::{Parts, PassTime, best_levels, left_of_bias};
+use crate::passes::{ErrorEstimate, PILOT, PassPlan};
+use crate::refine::{Parts, PassTime, around, best};
+use granita_base::NoiseSources;
 use parking_lot::Mutex;
 use std::time::{Duration, Instant};
 
 /// The least time that is left, in passes, for the bias to be measured with coarser ones.
 const LEAST_LEFT: u32 = 4;
 
+/// The same for a pass that shows how much of the noise comes from the samples of pixels.
+const LEAST_LEFT_FOR_SOURCES: u32 = 16;
+
 /// The least part of the noise that is taken to be left on the next level.
 const LEAST_LEFT_OF_NOISE: f64 = 0.35;
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Decides after the first passes of a step whether the following ones have finer surfaces, so that the error is
-    /// least at the end of the time. `time` is that of the last pass. Returns the expected time of the next one if that
-    /// changes.
+    /// Decides after the first passes of a step whether the following ones have finer surfaces or more samples, so that
+    /// the error is least at the end of the time. `time` is that of the last pass. Returns the expected time of the
+    /// next one if that changes.
     ///
-    /// The image follows from the level and the number of its passes alone. So time may decide both.
+    /// The image follows from the last step and the number of its passes alone. So time may decide both.
     pub(super) fn refine(&mut self, run: &Run<'_>, time: Duration) -> Option<Duration> {
         let passes = self.passes.as_ref()?;
         let (step, before) = (passes.last_step(), passes.steps.iter().rev().nth(1).copied());
@@ -41,33 +45,77 @@ impl<S: FrameShader> Frame<'_, S> {
             true => self.passes.as_ref()?.time_below,
             false => begin.elapsed() / PILOT,
         };
-        let remains = left_of_bias(levels);
-        let shown = (1.0 - remains).powi(-2);
-        let bias: Vec<SquaredBias> =
-            changes.iter().map(|change| change.scaled(shown * remains * remains)).collect();
+        let around = || changes.iter().map(|change| around(*change, levels));
+        let bias: Vec<SquaredBias> = around().map(|[_, after]| after).collect();
         let mut parts = self.parts(&bias);
         parts.iter_mut().zip(left_of_noise).for_each(|(parts, left)| parts.left = left);
+        let is_drawn = self.draws_in_shading();
+        if is_drawn && run.plan.has_time_for(time * LEAST_LEFT_FOR_SOURCES) {
+            self.measure_noise_of_pixels(run, step.level);
+        }
         let passes = self.passes.as_mut()?;
+        let is_known = !is_drawn || !passes.of_pixels.is_empty();
+        for (parts, of_pixels) in parts.iter_mut().zip(&passes.of_pixels) {
+            parts.of_pixels = *of_pixels;
+        }
         if let Some(held) = &mut passes.held {
-            for (parts, change) in held.parts.iter_mut().zip(&changes) {
-                parts.bias = change.scaled(shown).value.max(0.0);
+            for (parts, [before, _]) in held.parts.iter_mut().zip(around()) {
+                parts.bias = before.value.max(0.0);
             }
         }
         passes.bias = bias;
-        let left = run.plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
-        let time_of = PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), levels));
-        let more = best_levels(&parts, time_of, left, Accuracy::most_above(step.level));
-        if more == 0 {
+        // Where samples differ as well, the changes say nothing of noise and time.
+        if step.larger.is_any() {
             return None;
+        }
+        let left = run.plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
+        let time_of = PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), levels), is_drawn);
+        let mut possible = Larger::possible(self.options.camera.spatialquality);
+        possible.truncate(if is_known { possible.len() } else { 1 });
+        let (more, larger) = best(&parts, time_of, left, (Accuracy::most_above(step.level), &possible));
+        if more == 0 && !larger.is_any() {
+            return None;
+        }
+        if is_known {
+            passes.of_pixels = parts.iter().map(|parts| parts.of_pixels_above(more)).collect();
         }
         self.hold_image(run.canvases, parts);
         let passes = self.passes.as_mut()?;
         let first = step.first + PILOT;
-        passes.steps.push(Step { level: step.level + more, larger: Larger::default(), first });
-        passes.measured_after = first + PILOT;
+        passes.steps.push(Step { level: step.level + more, larger, first });
         passes.time_below = time;
-        self.each_sum(Accumulated::keep_coarser);
-        Duration::try_from_secs_f64(time_of.above(more)).ok()
+        // Other samples alone change no bias.
+        passes.measured_after = u32::MAX;
+        if more > 0 {
+            passes.measured_after = first + PILOT;
+            self.each_sum(Accumulated::keep_coarser);
+        }
+        Duration::try_from_secs_f64(time_of.of((more, larger))).ok()
+    }
+
+    /// Gives up the last step where two of its passes do not end in time, and goes on with the one before. Returns the
+    /// number of completed passes and the time of one; `None` when there is no time for more.
+    pub(super) fn return_to_step_before(
+        &mut self,
+        plan: &PassPlan,
+        completed: u32,
+    ) -> Option<(u32, Duration)> {
+        let passes = self.passes.as_mut()?;
+        let (step, time) = (passes.last_step(), passes.time_below);
+        if passes.steps.len() < 2 || completed >= step.first + PILOT || !plan.has_time_for(time) {
+            return None;
+        }
+        passes.steps.pop();
+        passes.measured_after = u32::MAX;
+        // It has that image, to which passes are added again.
+        passes.held.take_if(|held| held.first == passes.first);
+        self.each_sum(Accumulated::drop_waiting);
+        Some((step.first, time))
+    }
+
+    /// True when shading draws random numbers.
+    fn draws_in_shading(&self) -> bool {
+        self.shader.noise_sources().into_iter().any(|source| !NoiseSources::OF_PIXELS.contains(source))
     }
 
     /// Lets the images have what they have now until finer surfaces are better. Those that are held already stay if
@@ -118,7 +166,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let sum = sum.lock();
             let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
             // What noise hides may be there. Its expectation is right.
-            Parts { noise: noise.powi(2), bias: bias.value.max(0.0), left: 1.0 }
+            Parts { noise: noise.powi(2), bias: bias.value.max(0.0), left: 1.0, of_pixels: 1.0 }
         };
         sums.zip(bias).map(of_sum).collect()
     }

@@ -11,6 +11,7 @@ mod passes;
 mod seams;
 mod stereo;
 mod summed;
+mod timed;
 
 use super::*;
 use granita_base::{Color, MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};

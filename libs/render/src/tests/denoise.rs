@@ -179,14 +179,7 @@ fn passes_are_denoised_in_time_and_their_error_is_measured() {
         let (report, images, _) = render(folder.path(), &[("rgb", 1)], |environment| {
             environment.denoiser = library.clone().map(|library| library as Arc<dyn Denoiser>);
             let deadline = seconds.map(|seconds| Instant::now() + Duration::from_secs_f32(seconds));
-            environment.passes = Some(PassPlan {
-                passes,
-                deadline,
-                grace: Duration::ZERO,
-                error: None,
-                causes: false,
-                level: 0,
-            });
+            environment.passes = Some(PassPlan { passes, deadline, ..PassPlan::default() });
         });
         let count = library.map_or(0, |library| library.seen.lock().len());
         let statistics = &report.statistics[0].1;
@@ -228,7 +221,7 @@ fn passes_end_when_the_error_without_noise_is_reached() {
             let deadline = seconds.map(|seconds| Instant::now() + Duration::from_secs(seconds));
             let grace = Duration::ZERO;
             environment.passes =
-                Some(PassPlan { passes, deadline, grace, error: Some(error), causes: false, level: 0 });
+                Some(PassPlan { passes, deadline, grace, error: Some(error), ..PassPlan::default() });
         });
         let statistics = &report.statistics[0].1;
         let denoised = statistics.denoised.as_ref().and_then(|done| done.error);

@@ -232,6 +232,8 @@ attributes! {
         "number of passes whose sum the images are; 0 for a frame of its own", Rerender;
     RENDER_FINER: Global, i32 = "4.3.10", "render:finer", Ints(&[1]),
         "how many times as fine surfaces are in passes, without a requested error: 1, 2, 4, 8, 16 or 32", Rerender;
+    RENDER_LARGER: Global, [i32; 2] = "4.3.10", "render:larger", Ints(&[1, 1]),
+        "how many times the samples of pixels, and of lights and rays, passes have without a requested error: 1, 4 or 16", Rerender;
     RENDER_SECONDS: Global, f32 = "4.3.10", "render:seconds", Floats(&[0.0]),
         "seconds after which a frame takes no more passes; 0 for any time", Rerender;
     RENDER_ERROR: Global, f32 = "4.3.10", "render:error", Floats(&[0.0]),

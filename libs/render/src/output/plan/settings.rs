@@ -47,6 +47,8 @@ pub(crate) struct ImagePasses {
     pub(crate) coarse: Option<u32>,
     /// How many times as fine surfaces are as the scene says.
     pub(crate) finer: u32,
+    /// How many times the samples of pixels, and of lights and rays, of a frame without passes its passes have.
+    pub(crate) larger: [u32; 2],
     /// The error of the image; `None` where it is not known.
     pub(crate) error: Option<ErrorEstimate>,
     /// The error without its noise; `None` where that was not measured.
@@ -58,7 +60,9 @@ pub(crate) struct ImagePasses {
 /// of the mean of the image.
 pub(crate) fn of_passes(passes: Option<ImagePasses>) -> Params {
     let mut params = Params::new();
-    let Some(ImagePasses { count, coarse, finer, error, .. }) = passes else { return params };
+    let Some(ImagePasses { count, coarse, finer, larger: [pixels, shading], error, .. }) = passes else {
+        return params;
+    };
     let mut set = |name: &str, text: String| {
         let ty = ParamType::of(BaseType::String);
         params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
@@ -66,6 +70,9 @@ pub(crate) fn of_passes(passes: Option<ImagePasses>) -> Params {
     set("passes", count.to_string());
     if finer > 1 {
         set("finer", finer.to_string());
+    }
+    if pixels.max(shading) > 1 {
+        set("larger", format!("{pixels} {shading}"));
     }
     if let Some(factor) = coarse {
         set("coarse", factor.to_string());
