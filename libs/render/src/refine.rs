@@ -7,7 +7,7 @@ use crate::passes::PILOT;
 /// The power of the number of passes by which squared noise is expected to fall. (It is 1 to 1.7.)
 const POWER: f64 = 1.25;
 
-/// The part of the time left in which [`PILOT`] or more other passes must fit. Their time is not known before.
+/// The part of the time left in which other passes must fit. Their time is not known before.
 const USED: f64 = 0.9;
 
 /// The part of the squared error that other passes must leave at most to be worth those that are lost.
@@ -32,16 +32,22 @@ impl Parts {
         (self.of_pixels / self.left.powi(levels)).min(1.0)
     }
 
-    /// Returns those of an image of other passes. Noise is `remains` times what it would be after [`PILOT`] passes.
-    fn with(&self, (levels, larger): Other, remains: f64) -> Self {
+    /// Returns those of an image of as many other passes.
+    pub(crate) fn with(&self, (levels, larger): Other) -> Self {
         let of_larger = larger.left(self.of_pixels_above(levels), 0);
         let bias = self.bias * left_of_bias(levels).powi(2);
-        Self { noise: self.noise * remains * self.left.powi(levels) * of_larger, bias, ..*self }
+        Self { noise: self.noise * self.left.powi(levels) * of_larger, bias, ..*self }
     }
 
     /// Returns the largest squared error of images.
     pub(crate) fn largest(all: &[Self]) -> f64 {
-        all.iter().map(|parts| parts.noise + parts.bias).fold(0.0, f64::max)
+        Self::largest_after(all, PILOT.into())
+    }
+
+    /// Returns the same after a number of passes, for parts that are those after [`PILOT`].
+    pub(crate) fn largest_after(all: &[Self], passes: f64) -> f64 {
+        let remains = libm::pow(passes / f64::from(PILOT), -POWER);
+        all.iter().map(|parts| parts.noise * remains + parts.bias).fold(0.0, f64::max)
     }
 }
 
@@ -101,11 +107,11 @@ pub(crate) fn best(parts: &[Parts], time: PassTime, left: f64, (most, possible):
     let squared = |other: &Other| {
         let fit = left / time.of(*other);
         let passes = if *other == stay { f64::from(PILOT) + fit.floor() } else { (USED * fit).floor() };
-        if *other != stay && passes < f64::from(PILOT) {
+        if passes < 1.0 {
             return f64::INFINITY;
         }
-        let remains = libm::pow(passes / f64::from(PILOT), -POWER);
-        Parts::largest(&parts.iter().map(|parts| parts.with(*other, remains)).collect::<Vec<Parts>>())
+        let with: Vec<Parts> = parts.iter().map(|parts| parts.with(*other)).collect();
+        Parts::largest_after(&with, passes)
     };
     let is_drawn = parts.iter().any(|parts| parts.of_pixels < ALL);
     let is_useful = |larger: &&Larger| larger.shading == 0 || is_drawn;
@@ -137,7 +143,7 @@ mod tests {
         let levels = |noise: f64, bias: f64, left: f64| best_of((noise, bias, 1.0), left, &alone).0;
         // Where noise is most of the error, there are more passes, and where it is bias, finer ones.
         assert_eq!([10.0, 100.0, 1e4].map(|left| levels(1e-2, 1e-6, left)), [0; 3]);
-        assert_eq!([8.0, 14.0, 60.0, 300.0, 1e4].map(|left| levels(1e-6, 1e-2, left)), [0, 1, 2, 3, 3]);
+        assert_eq!([4.0, 14.0, 60.0, 300.0, 1e4].map(|left| levels(1e-6, 1e-2, left)), [0, 1, 2, 3, 3]);
         assert_eq!([20.0, 200.0, 2000.0].map(|left| levels(1e-4, 1e-4, left)), [1, 2, 2]);
         let of_shading = [1.0, 0.4].map(|left| {
             let parts = Parts { noise: 1e-2, bias: 1e-3, left, ..Parts::default() };
@@ -171,11 +177,11 @@ mod tests {
             (levels, [larger.pixels, larger.shading])
         };
         assert_eq!(
-            [2.0, 10.0, 40.0].map(|left| chosen(left, 1e-2, 0.0)),
+            [2.0, 7.7, 40.0].map(|left| chosen(left, 1e-2, 0.0)),
             [(0, [0, 0]), (0, [1, 0]), (0, [2, 0])]
         );
         // Both errors fall.
-        assert_eq!([15.0, 40.0].map(|left| chosen(left, 1e-2, 1e-2)), [(1, [1, 0]), (2, [2, 0])]);
+        assert_eq!([8.0, 40.0].map(|left| chosen(left, 1e-2, 1e-2)), [(1, [1, 0]), (2, [2, 0])]);
         // Noise of lights and rays needs their samples. They are most of the time.
         let of_shading = |of_pixels: f64| best_of((1e-2, 0.0, of_pixels), 100.0, &all);
         assert_eq!(of_shading(0.9).1[1], 0);

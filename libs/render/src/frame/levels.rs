@@ -69,6 +69,8 @@ pub(super) struct Passes {
     pub(super) bias: Vec<SquaredBias>,
     /// What the images are until finer surfaces are better, where time is requested.
     pub(super) held: Option<Held>,
+    /// The parts that the squared error of each image is expected to have after the first passes of the last step.
+    pub(super) expected: Vec<Parts>,
     /// The time of a pass of the step before.
     pub(super) time_below: Duration,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.

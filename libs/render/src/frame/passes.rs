@@ -72,6 +72,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first_of_tiles: PILOT,
             steps: vec![step],
             held: None,
+            expected: Vec::new(),
             time_below: Duration::ZERO,
             of_pixels: Vec::new(),
             is_held: false,

@@ -79,8 +79,10 @@ impl<S: FrameShader> Frame<'_, S> {
         if is_known {
             passes.of_pixels = parts.iter().map(|parts| parts.of_pixels_above(more)).collect();
         }
+        let expected = parts.iter().map(|parts| parts.with((more, larger))).collect();
         self.hold_image(run.canvases, parts);
         let passes = self.passes.as_mut()?;
+        passes.expected = expected;
         let first = step.first + PILOT;
         passes.steps.push(Step { level: step.level + more, larger, first });
         passes.time_below = time;
@@ -93,8 +95,8 @@ impl<S: FrameShader> Frame<'_, S> {
         Duration::try_from_secs_f64(time_of.of((more, larger))).ok()
     }
 
-    /// Gives up the last step where two of its passes do not end in time, and goes on with the one before. Returns the
-    /// number of completed passes and the time of one; `None` when there is no time for more.
+    /// Gives up the last step where its first passes do not end in time, and goes on with the one before if that leaves
+    /// less error. Returns the number of completed passes and the time of one; `None` when there are no more.
     pub(super) fn return_to_step_before(
         &mut self,
         plan: &PassPlan,
@@ -104,6 +106,14 @@ impl<S: FrameShader> Frame<'_, S> {
         let (step, time) = (passes.last_step(), passes.time_below);
         if passes.steps.len() < 2 || completed >= step.first + PILOT || !plan.has_time_for(time) {
             return None;
+        }
+        if let Some(held) = passes.held.as_ref().filter(|_| completed > step.first) {
+            let left = plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
+            let more = (left / time.as_secs_f64()).floor();
+            let squared = Parts::largest_after(&held.parts, f64::from(held.passes) + more);
+            if Parts::largest_after(&passes.expected, 1.0) < squared {
+                return None;
+            }
         }
         passes.steps.pop();
         passes.measured_after = u32::MAX;
@@ -143,10 +153,24 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
+    /// Shows the only pass of the last step where it is expected to be better than the images that are held.
+    fn show_single_pass(&mut self, completed: u32) {
+        let Some(passes) = &mut self.passes else { return };
+        let first = passes.last_step().first;
+        let is_better = |held: &mut Held| {
+            first > held.first && Parts::largest_after(&passes.expected, 1.0) < Parts::largest(&held.parts)
+        };
+        if completed == first + 1 && passes.held.take_if(is_better).is_some() {
+            passes.first = first;
+            self.each_sum(Accumulated::restart);
+        }
+    }
+
     /// Ends the passes after those that were completed. Returns the number of those that the images have, and their
     /// errors if they are held.
     pub(super) fn end_refined(&mut self, completed: u32) -> (u32, Option<Vec<Option<ErrorEstimate>>>) {
         self.show_better();
+        self.show_single_pass(completed);
         let Some(passes) = &mut self.passes else { return (completed, None) };
         match passes.held.take() {
             Some(held) => {

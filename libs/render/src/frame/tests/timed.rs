@@ -162,6 +162,26 @@ fn a_pass_that_would_not_end_in_time_is_coarse() {
 }
 
 #[test]
+fn one_pass_of_finer_surfaces_is_enough_where_bias_is_most_of_the_error() {
+    // Points take so long that the time of a pass is in proportion to their number.
+    let slowly = |grid: &mut Grid| {
+        std::thread::sleep(Duration::from_micros(20) * u32::try_from(grid.len()).unwrap());
+        striped(grid);
+    };
+    let begin = Instant::now();
+    let _ = drawn(1.0, slowly, passes(1));
+    let pass = begin.elapsed();
+    let of_passes = |n: u32| {
+        let deadline = Some(Instant::now() + pass * n);
+        drawn(1.0, slowly, PassPlan { passes: None, deadline, ..passes(1) })
+    };
+    let is_single = |(_, report): &(_, PassReport)| report.passes == 1 && report.finer > 1;
+    let (pixels, report) = (7..14).map(of_passes).find(is_single).expect("one finer pass");
+    assert!(report.error.is_none(), "{report:?}");
+    assert!(drawn(1.0, striped, again_as(&report)).0 == pixels, "{report:?}");
+}
+
+#[test]
 fn passes_with_more_samples_pay_where_pixels_have_most_of_the_noise() {
     let (pixels, report) = in_time(flat, |report| report.pixel_samples > 1).expect("larger passes");
     assert!(drawn(1.0, flat, again_as(&report)).0 == pixels, "{report:?}");
