@@ -170,7 +170,8 @@ fn time_ends_the_passes_and_the_number_makes_them_again() {
     let (said, timed) = place.image(&["-seconds", "3"]);
     let took = begin.elapsed();
     assert!(took < Duration::from_secs(5), "{took:?} {said}");
-    assert!(timed.passes() > 1, "{said}");
+    // One finer or larger pass may be better than several.
+    assert!(timed.passes() > 1 || timed.finer.is_some() || timed.larger.is_some(), "{said}");
     let repeat = |shown: &Shown| {
         let passes = shown.passes().to_string();
         let [finer, larger] = [&shown.finer, &shown.larger].map(|word| word.as_deref().unwrap_or("1"));
