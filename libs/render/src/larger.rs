@@ -16,7 +16,7 @@ const LEFT_OF_LEVEL: f64 = 0.4;
 /// The largest number of samples along one side of a pixel. More would need too much memory.
 const MOST_SAMPLES: u32 = 16;
 /// The part of the noise that comes from the samples of pixels above which shading is taken to draw nothing.
-pub(crate) const ALL: f64 = 0.95;
+const ALL: f64 = 0.95;
 
 /// How many times the samples of a frame without passes the passes of an image have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

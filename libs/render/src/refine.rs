@@ -1,7 +1,7 @@
 //! How fine surfaces, and how large passes become in the time that is left for an image (see [`crate::passes`]).
 
 use crate::accuracy::SquaredBias;
-use crate::larger::{ALL, Larger};
+use crate::larger::Larger;
 use crate::passes::PILOT;
 
 /// The power of the number of passes by which squared noise is expected to fall. (It is 1 to 1.7.)
@@ -113,10 +113,8 @@ pub(crate) fn best(parts: &[Parts], time: PassTime, left: f64, (most, possible):
         let with: Vec<Parts> = parts.iter().map(|parts| parts.with(*other)).collect();
         Parts::largest_after(&with, passes)
     };
-    let is_drawn = parts.iter().any(|parts| parts.of_pixels < ALL);
-    let is_useful = |larger: &&Larger| larger.shading == 0 || is_drawn;
-    let of_level = |levels| possible.iter().filter(is_useful).map(move |larger| (levels, *larger));
-    // The first of equal ones is chosen.
+    let of_level = |levels| possible.iter().map(move |larger| (levels, *larger));
+    // The first of equal ones, which is the smallest, is chosen.
     let best = (0..=most).flat_map(of_level).min_by(|a, b| squared(a).total_cmp(&squared(b)));
     best.filter(|best| squared(best) < WORTH * squared(&stay)).unwrap_or(stay)
 }
@@ -125,13 +123,10 @@ pub(crate) fn best(parts: &[Parts], time: PassTime, left: f64, (most, possible):
 mod tests {
     use super::*;
 
-    /// Returns what follows from the parts of the error of an image without other samples of lights and rays.
-    fn best_of((noise, bias, of_pixels): (f64, f64, f64), left: f64, possible: &[Larger]) -> (i32, [u32; 2]) {
-        let is_drawn = of_pixels < ALL;
-        let time = PassTime::new(1.0, (0.25, 1), is_drawn);
-        let (levels, larger) =
-            best(&[Parts { noise, bias, left: 1.0, of_pixels }], time, left, (3, possible));
-        (levels, [larger.pixels, larger.shading])
+    /// Returns the number of levels and the powers of samples that are best for an image.
+    fn chosen(parts: Parts, time: PassTime, left: f64, possible: &[Larger]) -> (i32, [u32; 2]) {
+        let (levels, Larger { pixels, shading }) = best(&[parts], time, left, (3, possible));
+        (levels, [pixels, shading])
     }
 
     #[test]
@@ -140,14 +135,16 @@ mod tests {
         let alone = [Larger::default()];
         assert_eq!([0, 1, 2].map(|levels| time.of((levels, alone[0]))), [1.0, 4.0, 16.0]);
         assert_eq!(PassTime::new(1.0, (1.5, 1), false).of((1, alone[0])), 0.95 + 0.2);
-        let levels = |noise: f64, bias: f64, left: f64| best_of((noise, bias, 1.0), left, &alone).0;
+        let levels = |noise: f64, bias: f64, left: f64| {
+            chosen(Parts { noise, bias, left: 1.0, of_pixels: 1.0 }, time, left, &alone).0
+        };
         // Where noise is most of the error, there are more passes, and where it is bias, finer ones.
         assert_eq!([10.0, 100.0, 1e4].map(|left| levels(1e-2, 1e-6, left)), [0; 3]);
         assert_eq!([4.0, 14.0, 60.0, 300.0, 1e4].map(|left| levels(1e-6, 1e-2, left)), [0, 1, 2, 3, 3]);
         assert_eq!([20.0, 200.0, 2000.0].map(|left| levels(1e-4, 1e-4, left)), [1, 2, 2]);
         let of_shading = [1.0, 0.4].map(|left| {
             let parts = Parts { noise: 1e-2, bias: 1e-3, left, ..Parts::default() };
-            best(&[parts], time, 50.0, (3, &alone)).0
+            chosen(parts, time, 50.0, &alone).0
         });
         assert_eq!(of_shading, [0, 1]);
         // An image without error needs nothing.
@@ -171,20 +168,20 @@ mod tests {
         let larger = |pixels| (0, Larger { pixels, shading: 0 });
         let taken = [0, 1, 2].map(|pixels| time.of(larger(pixels)));
         assert!(taken.iter().zip([1.0, 2.2, 7.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{taken:?}");
-        let chosen = |left: f64, noise: f64, bias: f64| {
-            let parts = Parts { noise, bias, left: 1.0, of_pixels: 1.0 };
-            let (levels, larger) = best(&[parts], time, left, (3, &all));
-            (levels, [larger.pixels, larger.shading])
+        let of_pixels = |left: f64, bias: f64| {
+            chosen(Parts { noise: 1e-2, bias, left: 1.0, of_pixels: 1.0 }, time, left, &all)
         };
-        assert_eq!(
-            [2.0, 7.7, 40.0].map(|left| chosen(left, 1e-2, 0.0)),
-            [(0, [0, 0]), (0, [1, 0]), (0, [2, 0])]
-        );
+        let without_bias = [2.0, 7.7, 40.0].map(|left| of_pixels(left, 0.0));
+        assert_eq!(without_bias, [(0, [0, 0]), (0, [1, 0]), (0, [2, 0])]);
         // Both errors fall.
-        assert_eq!([8.0, 40.0].map(|left| chosen(left, 1e-2, 1e-2)), [(1, [1, 0]), (2, [2, 0])]);
-        // Noise of lights and rays needs their samples. They are most of the time.
-        let of_shading = |of_pixels: f64| best_of((1e-2, 0.0, of_pixels), 100.0, &all);
-        assert_eq!(of_shading(0.9).1[1], 0);
+        assert_eq!([8.0, 40.0].map(|left| of_pixels(left, 1e-2)), [(1, [1, 0]), (2, [2, 0])]);
+        // Noise of lights and rays needs their samples, which take most of the time.
+        let drawn = PassTime::new(1.0, (0.7, 1), true);
+        let of_shading = |of_pixels: f64, left: f64| {
+            chosen(Parts { noise: 1e-2, bias: 0.0, left: 1.0, of_pixels }, drawn, left, &all).1
+        };
+        assert_eq!([2.0, 7.7, 200.0].map(|left| of_shading(0.0, left)), [[0, 0], [0, 1], [0, 2]]);
+        assert_eq!(of_shading(0.9, 200.0), [2, 1]);
         // Memory limits the samples of pixels.
         assert_eq!(Larger::possible([8, 2]).iter().map(|larger| larger.pixels).max(), Some(1));
     }
