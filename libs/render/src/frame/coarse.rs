@@ -33,8 +33,8 @@ const SHORT: Duration = Duration::from_millis(200);
 pub(super) enum Limit {
     /// At a time.
     At(Instant),
-    /// Within a span of time, when it is not expected to end by then.
-    Expected { begin: Instant, checked: [Instant; 2], end: Instant },
+    /// Within a span of time, when it is not expected to end by then. One that `is_needed` is finished after that.
+    Expected { begin: Instant, checked: [Instant; 2], end: Instant, is_needed: bool },
 }
 
 impl Limit {
@@ -52,7 +52,9 @@ impl Limit {
     /// Looks at a pass of which at most a part is there. What a part says of the whole is not certain, so that a pass
     /// is given up early when it would take twice the time.
     pub(super) fn look(&self, part: f64) -> Outlook {
-        let Self::Expected { begin, checked: [from, to], end } = *self else { return Outlook::Late };
+        let Self::Expected { begin, checked: [from, to], end, is_needed } = *self else {
+            return Outlook::Late;
+        };
         let now = Instant::now();
         let seconds = |from: Instant, to: Instant| to.saturating_duration_since(from).as_secs_f64();
         let looked = (seconds(from, now) / seconds(from, to)).min(1.0);
@@ -60,8 +62,12 @@ impl Limit {
             Outlook::Late
         } else if now < to {
             Outlook::Unknown((now + to.saturating_duration_since(from) / Self::CHECKS).min(to))
-        } else {
+        } else if is_needed {
             Outlook::InTime
+        } else if now < end {
+            Outlook::Unknown(end)
+        } else {
+            Outlook::Late
         }
     }
 }
@@ -90,13 +96,24 @@ fn at_least_two(samples: u32, n: u32) -> u32 {
     (samples / (n * n)).max(samples.min(2))
 }
 
+/// Returns the limit of a pass that began at `begin` and is given up early. There is none without a requested time.
+fn expected(plan: &PassPlan, begin: Instant, is_needed: bool) -> Option<Limit> {
+    let deadline = plan.deadline?;
+    let left = deadline.saturating_duration_since(begin);
+    let checked = TRIED.map(|part| begin + left.mul_f64(part));
+    Some(Limit::Expected { begin, checked, end: deadline + plan.grace, is_needed })
+}
+
 impl<S: FrameShader> Frame<'_, S> {
     /// Returns the limit of the first pass, which began at `begin`. There is none without a requested time.
     pub(super) fn first_limit(&self, plan: &PassPlan, begin: Instant) -> Option<Limit> {
-        let deadline = plan.deadline?;
-        let left = deadline.saturating_duration_since(begin);
-        let checked = TRIED.map(|part| begin + left.mul_f64(part));
-        (left >= SHORT).then(|| Limit::Expected { begin, checked, end: deadline + plan.grace })
+        let left = plan.deadline?.saturating_duration_since(begin);
+        if left >= SHORT { expected(plan, begin, true) } else { None }
+    }
+
+    /// Returns the limit of the first pass of other surfaces or samples, which began at `begin`.
+    pub(super) fn tried_limit(&self, plan: &PassPlan, begin: Instant) -> Option<Limit> {
+        expected(plan, begin, false)
     }
 
     /// Renders the first pass with points that are far enough apart to end in time, after one that would have taken
@@ -153,10 +170,11 @@ mod tests {
         let now = Instant::now();
         let ago = |seconds: u64| now.checked_sub(Duration::from_secs(seconds)).unwrap();
         // A time of 100 s, which is looked at between 30 and 60 s.
-        let after = |seconds: u64| {
+        let limit = |seconds: u64, is_needed: bool| {
             let (begin, after) = (ago(seconds), |s| ago(seconds) + Duration::from_secs(s));
-            Limit::Expected { begin, checked: [after(30), after(60)], end: after(100) }
+            Limit::Expected { begin, checked: [after(30), after(60)], end: after(100), is_needed }
         };
+        let after = |seconds| limit(seconds, true);
         // A pass of 150 s is late, but that is known at the end.
         assert!(
             matches!(after(30).look(0.2), Outlook::Unknown(at) if at > now && at < now + Duration::from_secs(5))
@@ -166,5 +184,9 @@ mod tests {
         assert_eq!([after(60).look(0.7), after(90).look(0.95)], [Outlook::InTime; 2]);
         assert!(matches!(after(59).look(0.7), Outlook::Unknown(at) if at <= now + Duration::from_secs(1)));
         assert_eq!(Limit::At(now).look(0.99), Outlook::Late);
+        // One that is not needed is given up at the end.
+        let tried = |seconds| limit(seconds, false);
+        assert!(matches!(tried(60).look(0.7), Outlook::Unknown(at) if at > now + Duration::from_secs(30)));
+        assert_eq!([tried(100).look(0.99), tried(30).look(0.1)], [Outlook::Late; 2]);
     }
 }

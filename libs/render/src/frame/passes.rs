@@ -169,16 +169,19 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let part = if completed == 1 && plan.error.is_none() { LEAST_OF_SECOND } else { 1.0 };
             let predicted =
                 last.map(|(time, before)| time.mul_f64(part * pixels as f64 / before.max(1) as f64));
+            let is_tried = refines && self.is_tried(completed);
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
-                let before = if refines { self.return_to_step_before(plan, completed) } else { None };
-                let Some((number, time)) = before else { break };
-                (completed, last) = (number, Some((time, pixels)));
-                continue;
+                if is_tried {
+                    last = self.return_to_step_before().map(|time| (time, pixels));
+                    continue;
+                }
+                break;
             }
             let is_held = self.passes.as_ref().is_some_and(|passes| passes.is_held);
             let is_first = completed == 0 && !is_held;
             let limit = match is_first {
                 true => self.first_limit(plan, begin),
+                false if is_tried => self.tried_limit(plan, begin),
                 false => plan.deadline.map(|deadline| Limit::At(deadline + plan.grace)),
             };
             let without = match self.render_pass(scene, limit, canvases, threads, &list) {
@@ -191,6 +194,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         (failed, completed) = (without, 1);
                     }
                     break;
+                }
+                Err(_) if is_tried && !self.is_stopped() => {
+                    last = self.return_to_step_before().map(|time| (time, pixels));
+                    continue;
                 }
                 Err(_) => break,
             };

@@ -7,7 +7,7 @@ use crate::accuracy::{Accuracy, SquaredBias};
 use crate::larger::Larger;
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
-use crate::passes::{ErrorEstimate, PILOT, PassPlan};
+use crate::passes::{ErrorEstimate, PILOT};
 use crate::refine::{Parts, PassTime, around, best};
 use granita_base::NoiseSources;
 use parking_lot::Mutex;
@@ -95,32 +95,21 @@ impl<S: FrameShader> Frame<'_, S> {
         Duration::try_from_secs_f64(time_of.of((more, larger))).ok()
     }
 
-    /// Gives up the last step where its first passes do not end in time, and goes on with the one before if that leaves
-    /// less error. Returns the number of completed passes and the time of one; `None` when there are no more.
-    pub(super) fn return_to_step_before(
-        &mut self,
-        plan: &PassPlan,
-        completed: u32,
-    ) -> Option<(u32, Duration)> {
+    /// True when the next pass is the first of other surfaces or samples.
+    pub(super) fn is_tried(&self, completed: u32) -> bool {
+        let passes = self.passes.as_ref();
+        passes.is_some_and(|passes| passes.steps.len() > 1 && passes.last_step().first == completed)
+    }
+
+    /// Gives up the last step, of which no pass is complete, and goes on with the one before. Returns the time of a
+    /// pass of that one.
+    pub(super) fn return_to_step_before(&mut self) -> Option<Duration> {
         let passes = self.passes.as_mut()?;
-        let (step, time) = (passes.last_step(), passes.time_below);
-        if passes.steps.len() < 2 || completed >= step.first + PILOT || !plan.has_time_for(time) {
-            return None;
-        }
-        if let Some(held) = passes.held.as_ref().filter(|_| completed > step.first) {
-            let left = plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
-            let more = (left / time.as_secs_f64()).floor();
-            let squared = Parts::largest_after(&held.parts, f64::from(held.passes) + more);
-            if Parts::largest_after(&passes.expected, 1.0) < squared {
-                return None;
-            }
-        }
         passes.steps.pop();
         passes.measured_after = u32::MAX;
         // It has that image, to which passes are added again.
         passes.held.take_if(|held| held.first == passes.first);
-        self.each_sum(Accumulated::drop_waiting);
-        Some((step.first, time))
+        Some(passes.time_below)
     }
 
     /// True when shading draws random numbers.

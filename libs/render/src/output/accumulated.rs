@@ -161,11 +161,6 @@ impl Accumulated {
         self.waiting.append(&mut self.fresh);
     }
 
-    /// Drops the pass that waits.
-    pub(crate) fn drop_waiting(&mut self) {
-        self.waiting.clear();
-    }
-
     /// Drops all passes, and adds the one that waits.
     pub(crate) fn restart(&mut self) {
         self.sums.fill(0.0);

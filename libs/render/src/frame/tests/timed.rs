@@ -186,6 +186,26 @@ fn one_pass_of_finer_surfaces_is_enough_where_bias_is_most_of_the_error() {
 }
 
 #[test]
+fn finer_surfaces_that_take_longer_than_expected_cost_a_part_of_the_time_alone() {
+    // Finer points take ten times as long each.
+    let slowly = |grid: &mut Grid| {
+        let is_finer = grid.len() > 1 && (grid.u[1] - grid.u[0]).abs() < 0.05;
+        let of_point = Duration::from_micros(if is_finer { 200 } else { 20 });
+        std::thread::sleep(of_point * u32::try_from(grid.len()).unwrap());
+        striped(grid);
+    };
+    let begin = Instant::now();
+    let _ = drawn(1.0, slowly, passes(1));
+    let pass = begin.elapsed();
+    let deadline = Instant::now() + pass * 30;
+    let plan = PassPlan { passes: None, deadline: Some(deadline), ..passes(1) };
+    let (pixels, report) = drawn(1.0, slowly, plan);
+    assert!(report.passes > 4 && (report.finer, report.pixel_samples) == (1, 1), "{report:?}");
+    assert!(drawn(1.0, striped, passes(report.passes)).0 == pixels, "{report:?}");
+    assert!(Instant::now() < deadline + pass * 10, "{pass:?}");
+}
+
+#[test]
 fn passes_with_more_samples_pay_where_pixels_have_most_of_the_noise() {
     let (pixels, report) = in_time(flat, |report| report.pixel_samples > 1).expect("larger passes");
     assert!(drawn(1.0, flat, again_as(&report)).0 == pixels, "{report:?}");
