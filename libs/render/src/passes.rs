@@ -16,8 +16,9 @@
 //! finer surfaces ([`crate::accuracy`]). It is measured once more where these are much finer. Where many passes are
 //! needed, they have more samples each ([`crate::larger`]). Filters of textures and shadow maps are not part of it.
 //!
-//! With a requested time, surfaces become finer and passes larger where that is expected to leave the least error at
-//! its end. Such an image is that of its number of passes with surfaces as fine and as many samples.
+//! With a requested time, and no error or one for which it is too short, surfaces become finer and passes larger where
+//! that is expected to leave the least error at its end. Such an image is that of its number of passes with surfaces as
+//! fine and as many samples.
 
 use crate::accuracy::{Accuracy, SquaredBias};
 use granita_base::NoiseSource;
@@ -86,11 +87,6 @@ impl PassPlan {
             now + deadline.saturating_duration_since(now) / frames.max(1)
         };
         Self { deadline: self.deadline.map(own), ..self }
-    }
-
-    /// True when neither time nor a number ends the passes, so that they may become larger (see [`crate::larger`]).
-    pub(crate) fn may_be_larger(&self) -> bool {
-        self.passes.is_none() && self.deadline.is_none()
     }
 
     /// Returns the largest number of passes.
@@ -198,7 +194,8 @@ pub struct PassReport {
     pub requested: Option<f32>,
     /// True when the requested error was not reached.
     pub is_short: bool,
-    /// True when the passes ended before the bias was measured, and have less noise than the requested error.
+    /// True when the time was too short for the requested error, or ended before the bias was measured, and no more is
+    /// estimated than was requested.
     pub is_unsure: bool,
     /// The error of each image.
     pub images: Vec<ImageError>,

@@ -3,6 +3,7 @@
 use crate::accuracy::SquaredBias;
 use crate::larger::Larger;
 use crate::passes::PILOT;
+use std::time::Duration;
 
 /// The power of the number of passes by which squared noise is expected to fall. (It is 1 to 1.7.)
 const POWER: f64 = 1.25;
@@ -74,6 +75,11 @@ impl PassTime {
         let of_points = of_points.clamp(0.05 * here, here);
         let fixed = here - of_points;
         Self { fixed, of_points, hiding: fixed.min(Larger::of_hiding(is_drawn) * here), is_drawn }
+    }
+
+    /// Returns the time of a pass as it is.
+    pub(crate) fn here(self) -> Duration {
+        Duration::from_secs_f64(self.fixed + self.of_points)
     }
 
     /// Returns the seconds of a pass some levels above that may be larger.

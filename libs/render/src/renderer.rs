@@ -446,7 +446,7 @@ impl<'r> FrameInProgress<'r> {
             let end = if passes.is_short {
                 "was not reached before the passes ended"
             } else {
-                "is not known to be reached: the passes ended before the bias was measured"
+                "is not known to be reached: the passes ended before the bias was measured well enough"
             };
             reporter.warning(format!(
                 "camera \"{}\": the error of {} {end}",

@@ -10,6 +10,7 @@ use crate::larger::Larger;
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
 use crate::passes::{PILOT, PIXELS_PER_NUMBER, PassPlan};
+use crate::refine::{Other, PassTime};
 use granita_base::{NoiseSources, sample};
 use granita_scene::Scene;
 use parking_lot::Mutex;
@@ -46,6 +47,9 @@ impl Passing {
         Self { error, most: ((needed / 4.0) as u32).clamp(least, MOST_PASSES), larger }
     }
 }
+
+/// The least part of the passes of the whole image that its parts need in the mean. Some need fewer than others.
+const LEAST_OF_PARTS: f64 = 0.5;
 
 /// What every pass is rendered with.
 pub(super) struct Run<'p> {
@@ -185,9 +189,9 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Measures the bias of the images after the first passes of the coarse level or of the scene's own accuracy, and
     /// decides the level that the requested error needs. `time` is that of one pass.
     ///
-    /// Without the time for parts of the image, the following passes render the whole frame: then the images are those
-    /// of as many passes without a requested error, and time has decided only their number. The bias is then the most
-    /// that the change by the level below permits.
+    /// Where the time is too short for that, or for what the error needs, it ends the passes, as if no error was
+    /// requested ([`super::refine`]). The bias is then the most that the change by the level below permits, until it is
+    /// measured.
     pub(super) fn measure_bias(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
         let Some(passes) = self.passes.as_ref().filter(|passes| passes.has_colors()) else {
             return Next::Pass;
@@ -195,65 +199,100 @@ impl<S: FrameShader> Frame<'_, S> {
         if passes.last_step().level > 0 {
             return self.measure_bias_again(run, error, time);
         }
-        let (level, is_short) = (passes.last_step().level, passes.first_of_tiles == u32::MAX);
+        let (level, is_compared) = (passes.last_step().level, passes.is_compared());
+        let time_of_coarse = passes.time_below;
         let plan = run.plan;
-        let has_time = has_time_for(plan, time, PILOT);
         if level < 0 && !plan.has_time_for(time) {
             return Next::End;
         }
         let needed = self.passes_of(Larger::default(), error);
-        // Some parts of the image need fewer passes than the whole.
-        let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
-        let mut has_coarser = true;
-        self.each_sum(|sum| has_coarser &= sum.has_coarser());
-        let may_change = has_coarser || may_end && has_time;
+        let rest = LEAST_OF_PARTS * (needed - f64::from(PILOT)).max(0.0);
+        let may_end = plan.has_time_for(time.mul_f64(rest));
+        let begin = Instant::now();
+        let may_change = is_compared || may_end && has_time_for(plan, time, PILOT);
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
+        let time_below = if is_compared { time_of_coarse } else { begin.elapsed() / PILOT };
+        if let Some(passes) = &mut self.passes {
+            passes.time_below = time_below;
+        }
         let larger = self.larger_passes(run, (level, &[]), error);
         let passing = Passing::new(error, self.passes_of(larger, error), larger);
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let may_measure = may_end && has_time_for(plan, time, passing.most);
         let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
         let found = match &changes {
-            _ if is_short || is_too_large => None,
+            _ if is_too_large => None,
             // Where even the level below changes little, bias cannot matter.
             Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
             Some(changes) if may_measure => self.bias_of_parts(run, passing, (level, changes)),
             _ => None,
         };
         let more = found.as_ref().map(|bias| steps(level, bias, error));
-        // Time is best spent on the level that the error needs alone.
-        let at_once = plan.may_be_larger();
-        let shows_rest = |bias: &SquaredBias| bias.shows_rest();
-        let is_certain = at_once && found.as_ref().is_some_and(|bias| bias.iter().all(shows_rest));
-        if level < 0 && more != Some(0) && !is_certain {
-            return self.end_coarse(more.is_none() && !is_too_large);
+        let is_certain = found.as_ref().is_some_and(|bias| bias.iter().all(SquaredBias::shows_rest));
+        // As few passes as are requested are best those of the scene's own accuracy.
+        let is_last = more.is_some_and(|more| more > 0 && (!is_certain || plan.most() < 2 * PILOT));
+        if level < 0 && (is_too_large || is_last) {
+            return self.end_coarse(time);
         }
         let Some((bias, more)) = found.zip(more) else {
-            if let Some(passes) = &mut self.passes {
-                passes.first_of_tiles = u32::MAX;
-                passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
-            }
-            return Next::Pass;
+            return self.go_on_in_time(squared, time);
         };
         let larger = self.larger_passes(run, (level, &bias), error);
+        if more > 0 || larger.is_any() {
+            let time_of =
+                PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), 1), self.draws_in_shading());
+            let passes = self.other_passes(&bias, (more, larger), error);
+            let all = Duration::try_from_secs_f64(passes * time_of.of((more, larger)));
+            if !all.is_ok_and(|all| plan.has_time_for(all)) {
+                return self.go_on_in_time(squared, time);
+            }
+        }
         let Some(passes) = &mut self.passes else { return Next::Pass };
         passes.bias = bias;
         if more > 0 || larger.is_any() {
-            passes.go_on_with(more, larger, at_once);
+            passes.go_on_with(more, larger);
         }
         Next::Pass
     }
 
+    /// Lets time end the passes, which take `time`, instead of an error, for which it is too short. `changes` is what
+    /// the level below changes, if that is known.
+    fn go_on_in_time(&mut self, changes: Vec<SquaredBias>, time: Duration) -> Next {
+        let is_timed = self.options.denoising.is_none();
+        let Some(passes) = &mut self.passes else { return Next::Pass };
+        passes.go_on_in_time(is_timed);
+        if passes.last_step().level < 0 {
+            return self.end_coarse(time);
+        }
+        passes.bias = changes.into_iter().map(SquaredBias::largest).collect();
+        Next::Pass
+    }
+
+    /// Returns the least number of other passes that images with a bias need for an error: some levels above, where
+    /// that may be larger.
+    fn other_passes(&self, bias: &[SquaredBias], (more, larger): Other, error: f64) -> f64 {
+        let of_pixels = |index| self.passes.as_ref().and_then(|passes| passes.of_pixels.get(index).copied());
+        let of_image = |(index, bias): (usize, &SquaredBias)| {
+            let remains = (0..more).fold(*bias, |bias, _| bias.remains());
+            let needed = self.needed_passes(index, remains.leaves(error));
+            LEAST_OF_PARTS * needed * larger.left(of_pixels(index).unwrap_or(1.0), more)
+        };
+        bias.iter().enumerate().map(of_image).fold(PILOT.into(), f64::max)
+    }
+
     /// Measures the bias of the level that is [`Accuracy::MOST_AT_ONCE`] above the one where it was too large, with few
-    /// passes, and decides whether the requested error needs a higher one. Without the time for it, the images are
-    /// complete as they are.
+    /// passes, and decides whether the requested error needs a higher one. Where the time is too short for it, it ends
+    /// the passes.
     fn measure_bias_again(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
         let Some(Step { level, larger, .. }) = self.passes.as_ref().map(Passes::last_step) else {
             return Next::Pass;
         };
         let passing = Passing::new(error, 0.0, larger);
         if !has_time_for(run.plan, time, passing.most) {
-            return Next::End;
+            if let Some(passes) = &mut self.passes {
+                passes.go_on_in_time(self.options.denoising.is_none());
+            }
+            return Next::Pass;
         }
         let Some(changes) = self.changes_of_frame(run, level) else { return Next::End };
         let Some(bias) = self.bias_of_parts(run, passing, (level, &changes)) else { return Next::End };
@@ -261,7 +300,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if let Some(passes) = &mut self.passes {
             passes.bias = bias;
             if more > 0 {
-                passes.go_on_with(more, larger, run.plan.may_be_larger());
+                passes.go_on_with(more, larger);
             }
         }
         Next::Pass
@@ -285,17 +324,15 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Returns for each of the first passes of a level how the colours of each image differ from those of the level
     /// below, which are rendered unless they are there; `None` when a pass was given up.
     pub(super) fn changes_of_frame(&mut self, run: &Run<'_>, level: i32) -> Option<Vec<Vec<Vec<f32>>>> {
-        let all: Vec<usize> = (0..self.buckets.order.len()).collect();
-        let change = |pass| {
-            let mut coarser = Vec::new();
-            self.each_sum(|sum| coarser.extend(sum.take_coarser(pass as usize)));
-            if coarser.is_empty() {
-                coarser =
-                    self.colors_apart(run, (pass, Accuracy::of_level(level - 1), Larger::default()), &all)?;
-            }
-            Some(self.changes(pass as usize, coarser))
-        };
-        (0..PILOT).map(change).collect()
+        if self.passes.as_ref().is_some_and(|passes| !passes.is_compared()) {
+            let all: Vec<usize> = (0..self.buckets.order.len()).collect();
+            let coarser =
+                |pass| self.colors_apart(run, (pass, Accuracy::of_level(level - 1), Larger::default()), &all);
+            let passes: Vec<_> = (0..PILOT).map(coarser).collect::<Option<_>>()?;
+            let mut of_passes: Vec<_> = passes.into_iter().map(Vec::into_iter).collect();
+            self.each_sum(|sum| sum.set_coarser(of_passes.iter_mut().filter_map(Iterator::next).collect()));
+        }
+        Some((0..PILOT as usize).map(|pass| self.changes(pass)).collect())
     }
 
     /// Returns the squared bias of each image, from parts of it in as many passes as the requested error needs; `None`
@@ -416,12 +453,13 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.
-    fn changes(&self, pass: usize, mut coarser: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
-        let sums = self.passes.iter().flat_map(|passes| &passes.sums);
-        for (colors, sum) in coarser.iter_mut().zip(sums) {
-            colors.iter_mut().zip(sum.lock().early(pass)).for_each(|(color, plain)| *color -= plain);
-        }
-        coarser
+    fn changes(&self, pass: usize) -> Vec<Vec<f32>> {
+        let mut changes = Vec::new();
+        self.each_sum(|sum| {
+            let both = sum.coarser(pass).iter().zip(sum.early(pass));
+            changes.push(both.map(|(coarser, plain)| coarser - plain).collect());
+        });
+        changes
     }
 
     /// Returns the mean square of what the level below changes in each image, over the square of its mean.

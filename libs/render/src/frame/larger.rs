@@ -11,8 +11,7 @@ use granita_base::NoiseSources;
 const WORTH: f64 = 4.0;
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Returns how much larger than others the following passes are, for images of a level with a bias. Where time or a
-    /// number ends the passes, all are alike.
+    /// Returns how much larger than others the following passes are, for images of a level with a bias.
     pub(super) fn larger_passes(
         &mut self,
         run: &Run<'_>,
@@ -27,7 +26,7 @@ impl<S: FrameShader> Frame<'_, S> {
             Need { passes: self.needed_passes(index, remains.leaves(error)), of_pixels: 1.0, steps }
         };
         let needs: Vec<Need> = (0..images).map(need).collect();
-        if !run.plan.may_be_larger() || needs.iter().all(|need| need.passes < WORTH) {
+        if needs.iter().all(|need| need.passes < WORTH) {
             return Larger::default();
         }
         self.measure_noise_of_pixels(run, level);

@@ -52,8 +52,10 @@ pub(super) struct Passes {
     /// The first pass that is a part of the images. Those before were not accurate enough.
     pub(super) first: u32,
     /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
-    /// frame, and show where more are needed. It is `u32::MAX` when the time was too short to know the level.
+    /// frame, and show where more are needed. It is `u32::MAX` when the time is too short for the error.
     pub(super) first_of_tiles: u32,
+    /// True when surfaces become finer and passes larger where that leaves the least error at the end of the time.
+    pub(super) is_timed: bool,
     /// The steps, of which there is one at least. The last one has what the requested error needs.
     pub(super) steps: Vec<Step>,
     /// The part of the noise of each image that comes from the samples of pixels. Empty when it was not measured.
@@ -100,6 +102,17 @@ impl Passes {
         self.steps.last().copied().unwrap_or_default()
     }
 
+    /// True when the passes that the last step replaced are there, so that it can be compared with them.
+    pub(super) fn is_compared(&self) -> bool {
+        self.sums.iter().all(|sum| sum.lock().has_coarser())
+    }
+
+    /// Returns by how many levels the last step is above the one before, or above the coarse passes before it.
+    pub(super) fn levels_of_last_step(&self) -> i32 {
+        let before = self.steps.iter().rev().nth(1);
+        before.map_or(1, |before| self.last_step().level - before.level)
+    }
+
     /// Returns how many times as fine surfaces are as the scene says, and 1 where they are not finer.
     pub(super) fn finer(&self) -> u32 {
         1 << self.step_of(self.first).level.max(0)
@@ -110,16 +123,18 @@ impl Passes {
         self.step_of(number).first
     }
 
-    /// Sets the last step, whose passes are `more` levels above the present one, and `larger`. Passes go up to it level
-    /// by level if they are not to do so `at_once`.
-    pub(super) fn go_on_with(&mut self, more: i32, larger: Larger, at_once: bool) {
+    /// Sets the last step, whose passes are `more` levels above the present one, and `larger`.
+    pub(super) fn go_on_with(&mut self, more: i32, larger: Larger) {
         let Step { level, first, .. } = self.last_step();
-        let between = if at_once { 0 } else { more - 1 };
-        let levels = (1..=between).map(|k| (level + k, Larger::default())).chain([(level + more, larger)]);
-        let firsts = (1..).map(|k| first + k * PILOT);
-        self.steps.extend(levels.zip(firsts).map(|((level, larger), first)| Step { level, larger, first }));
-        self.first_of_tiles = self.last_step().first + PILOT;
+        let first = first + PILOT;
+        self.steps.push(Step { level: level + more, larger, first });
+        self.first_of_tiles = first + PILOT;
         self.measured_after = if more >= Accuracy::MOST_AT_ONCE { self.first_of_tiles } else { u32::MAX };
+    }
+
+    /// Lets time end the passes instead of an error, for which it is too short.
+    pub(super) fn go_on_in_time(&mut self, is_timed: bool) {
+        (self.first_of_tiles, self.is_timed) = (u32::MAX, is_timed);
     }
 
     /// Returns how many times as far apart the points of surfaces of a coarse image are.
@@ -152,11 +167,9 @@ impl<S: FrameShader> Frame<'_, S> {
     pub(super) fn begin_coarse(&mut self, scene: &Scene, plan: &PassPlan) {
         let Some(passes) = &self.passes else { return };
         let is_measured = plan.error.is_some() && plan.most() >= PILOT && passes.has_colors();
-        if is_measured && !self.saves_anything(scene) {
-            self.each_sum(Accumulated::keep_coarser);
-            if let Some(passes) = &mut self.passes {
-                passes.steps = vec![Step { level: Accuracy::COARSE, ..Step::default() }];
-            }
+        let is_coarse = is_measured && !self.saves_anything(scene);
+        if let Some(passes) = self.passes.as_mut().filter(|_| is_coarse) {
+            passes.steps = vec![Step { level: Accuracy::COARSE, ..Step::default() }];
         }
     }
 
@@ -166,17 +179,14 @@ impl<S: FrameShader> Frame<'_, S> {
         scene.primitives.iter().filter(|primitive| self.is_visible(primitive)).any(|p| saves(p))
     }
 
-    /// Ends the coarse level, whose passes are not accurate enough. Where `is_short`, the time was too short to know
-    /// that, and the image becomes that of passes without a requested error.
-    pub(super) fn end_coarse(&mut self, is_short: bool) -> Next {
+    /// Ends the coarse level, whose passes take `time` and are not accurate enough. Passes of the scene's own accuracy
+    /// follow.
+    pub(super) fn end_coarse(&mut self, time: Duration) -> Next {
         if let Some(passes) = &mut self.passes {
             (passes.steps, passes.is_held) = (vec![Step::default()], true);
-            passes.measured_after = PILOT;
+            (passes.measured_after, passes.time_below) = (PILOT, time);
             let above = |of_pixels: &mut f64| *of_pixels = of_pixels_above(*of_pixels, -Accuracy::COARSE);
             passes.of_pixels.iter_mut().for_each(above);
-            if is_short {
-                passes.first_of_tiles = u32::MAX;
-            }
         }
         Next::Restart
     }

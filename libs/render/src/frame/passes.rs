@@ -70,6 +70,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             is_apart: false,
             first: 0,
             first_of_tiles: PILOT,
+            is_timed: false,
             steps: vec![step],
             held: None,
             expected: Vec::new(),
@@ -125,15 +126,21 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         // Images without colours have no error that more passes could reach.
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let most = if plan.error.is_some() && !has_colors { 1 } else { plan.most() };
-        let refines = plan.refines() && has_colors && self.options.denoising.is_none();
+        if let Some(passes) = &mut self.passes {
+            passes.is_timed = plan.refines() && has_colors && self.options.denoising.is_none();
+        }
+        let run = Run { scene, plan, canvases, threads };
         loop {
-            if let Some(error) = plan.error {
+            if let Some(error) = plan.error.filter(|_| !self.is_timed()) {
                 if self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
-                    let run = Run { scene, plan, canvases, threads };
                     let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.steps[0].level < 0);
                     let may_go_on = is_coarse || completed < most;
-                    match may_go_on.then(|| self.measure_bias(&run, f64::from(error), time)) {
+                    let next = may_go_on.then(|| self.measure_bias(&run, f64::from(error), time));
+                    if next != Some(Next::Pass) || !self.is_timed() {
+                        self.drop_coarser();
+                    }
+                    match next {
                         Some(Next::End) => break,
                         Some(Next::Restart) => {
                             completed = 0;
@@ -147,13 +154,16 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     Some(WHOLE) => decisions = self.decisions(error, &decisions),
                     _ => (),
                 }
-                if completed >= PILOT && self.is_reached_by_whole_passes(error) {
-                    break;
-                }
             }
-            if refines && self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
-                let run = Run { scene, plan, canvases, threads };
+            let is_timed = self.is_timed();
+            if is_timed && self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                 last = last.map(|(time, pixels)| (self.refine(&run, time).unwrap_or(time), pixels));
+                self.drop_coarser();
+            } else if !is_timed
+                && completed >= PILOT
+                && plan.error.is_some_and(|error| self.is_reached_by_whole_passes(error))
+            {
+                break;
             }
             self.show_better();
             if completed >= most {
@@ -169,7 +179,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let part = if completed == 1 && plan.error.is_none() { LEAST_OF_SECOND } else { 1.0 };
             let predicted =
                 last.map(|(time, before)| time.mul_f64(part * pixels as f64 / before.max(1) as f64));
-            let is_tried = refines && self.is_tried(completed);
+            let is_tried = is_timed && self.is_tried(completed);
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
                 if is_tried {
                     last = self.return_to_step_before().map(|time| (time, pixels));
@@ -215,7 +225,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if self.passes.as_ref().is_some_and(|passes| passes.is_held) {
             completed = PILOT;
         }
-        let (completed, held) = if refines { self.end_refined(completed) } else { (completed, None) };
+        let is_timed = self.is_timed();
+        let (completed, held) = if is_timed { self.end_refined(completed) } else { (completed, None) };
         let finish = || if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
         let mut errors = held.unwrap_or_else(finish);
         if plan.causes && completed > 1 && !self.is_stopped() {
@@ -229,10 +240,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.shader.set_all_rays(false);
         let denoised = if denoised.passes == completed { denoised } else { DenoisedErrors::default() };
         let mut report = self.report(plan, completed, &errors, &denoised);
-        if refines {
+        if is_timed {
             report.mean_passes = f64::from(completed);
         }
         Passed { failed, report, errors, denoised: denoised.errors }
+    }
+
+    /// True when surfaces become finer and passes larger where that is the best use of the time.
+    pub(super) fn is_timed(&self) -> bool {
+        self.passes.as_ref().is_some_and(|passes| passes.is_timed)
     }
 
     /// Renders the buckets of a pass. Returns the number of those that failed.
@@ -347,6 +363,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
+    }
+
+    /// Drops the coarser passes, which need memory.
+    fn drop_coarser(&self) {
+        self.each_sum(|sum| sum.set_coarser(Vec::new()));
     }
 
     /// Calls `each` with the sum of every image.

@@ -22,6 +22,13 @@ const LEAST_LEFT_FOR_SOURCES: u32 = 16;
 /// The least part of the noise that is taken to be left on the next level.
 const LEAST_LEFT_OF_NOISE: f64 = 0.35;
 
+/// What the first passes of a step show.
+struct Shown {
+    /// The parts of the squared error of each image.
+    parts: Vec<Parts>,
+    time: PassTime,
+}
+
 impl<S: FrameShader> Frame<'_, S> {
     /// Decides after the first passes of a step whether the following ones have finer surfaces or more samples, so that
     /// the error is least at the end of the time. `time` is that of the last pass. Returns the expected time of the
@@ -30,27 +37,45 @@ impl<S: FrameShader> Frame<'_, S> {
     /// The image follows from the last step and the number of its passes alone. So time may decide both.
     pub(super) fn refine(&mut self, run: &Run<'_>, time: Duration) -> Option<Duration> {
         let passes = self.passes.as_ref()?;
-        let (step, before) = (passes.last_step(), passes.steps.iter().rev().nth(1).copied());
-        let is_begun = before.is_some();
-        if !is_begun && !run.plan.has_time_for(time * LEAST_LEFT) {
+        let step = passes.last_step();
+        let is_compared = passes.is_compared();
+        if !is_compared && !run.plan.has_time_for(time * LEAST_LEFT) {
             return None;
         }
+        let shown = self.shown(run, is_compared, time)?;
+        // Where samples differ as well, the changes say nothing of noise and time.
+        if step.larger.is_any() { None } else { self.decide(run, step, shown) }
+    }
+
+    /// Returns what the first passes of the last step show beside those of the step before (`is_compared`), or beside
+    /// passes with points twice as far apart. `time` is that of the last pass.
+    fn shown(&mut self, run: &Run<'_>, is_compared: bool, time: Duration) -> Option<Shown> {
         let begin = Instant::now();
-        let below = before.map_or(step.level - 1, |before| before.level);
-        let levels = step.level - below;
-        let changes = self.changes_of_frame(run, step.level)?;
+        let passes = self.passes.as_ref()?;
+        let (level, time_below) = (passes.last_step().level, passes.time_below);
+        let levels = if is_compared { passes.levels_of_last_step() } else { 1 };
+        let changes = self.changes_of_frame(run, level)?;
+        let time_below = if is_compared { time_below } else { begin.elapsed() / PILOT };
         let left_of_noise = self.left_of_noise(&changes, levels);
-        let changes = self.squared_changes(&changes, below + 1);
-        let time_below = match is_begun {
-            true => self.passes.as_ref()?.time_below,
-            false => begin.elapsed() / PILOT,
-        };
-        let around = || changes.iter().map(|change| around(*change, levels));
-        let bias: Vec<SquaredBias> = around().map(|[_, after]| after).collect();
-        let mut parts = self.parts(&bias);
+        let changes = self.squared_changes(&changes, level + 1 - levels);
+        let bias = changes.iter().map(|change| around(*change, levels));
+        let (before, after): (Vec<SquaredBias>, Vec<SquaredBias>) = bias.map(|[a, b]| (a, b)).unzip();
+        let mut parts = self.parts(&after);
         parts.iter_mut().zip(left_of_noise).for_each(|(parts, left)| parts.left = left);
         let is_drawn = self.draws_in_shading();
-        if is_drawn && run.plan.has_time_for(time * LEAST_LEFT_FOR_SOURCES) {
+        let passes = self.passes.as_mut()?;
+        passes.bias = after;
+        for (parts, before) in passes.held.iter_mut().flat_map(|held| &mut held.parts).zip(before) {
+            parts.bias = before.value.max(0.0);
+        }
+        let time = PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), levels), is_drawn);
+        Some(Shown { parts, time })
+    }
+
+    /// Decides what follows the first passes of a step.
+    fn decide(&mut self, run: &Run<'_>, step: Step, Shown { mut parts, time }: Shown) -> Option<Duration> {
+        let is_drawn = self.draws_in_shading();
+        if is_drawn && run.plan.has_time_for(time.here() * LEAST_LEFT_FOR_SOURCES) {
             self.measure_noise_of_pixels(run, step.level);
         }
         let passes = self.passes.as_mut()?;
@@ -58,21 +83,10 @@ impl<S: FrameShader> Frame<'_, S> {
         for (parts, of_pixels) in parts.iter_mut().zip(&passes.of_pixels) {
             parts.of_pixels = *of_pixels;
         }
-        if let Some(held) = &mut passes.held {
-            for (parts, [before, _]) in held.parts.iter_mut().zip(around()) {
-                parts.bias = before.value.max(0.0);
-            }
-        }
-        passes.bias = bias;
-        // Where samples differ as well, the changes say nothing of noise and time.
-        if step.larger.is_any() {
-            return None;
-        }
         let left = run.plan.deadline?.saturating_duration_since(Instant::now()).as_secs_f64();
-        let time_of = PassTime::new(time.as_secs_f64(), (time_below.as_secs_f64(), levels), is_drawn);
         let mut possible = Larger::possible(self.options.camera.spatialquality);
         possible.truncate(if is_known { possible.len() } else { 1 });
-        let (more, larger) = best(&parts, time_of, left, (Accuracy::most_above(step.level), &possible));
+        let (more, larger) = best(&parts, time, left, (Accuracy::most_above(step.level), &possible));
         if more == 0 && !larger.is_any() {
             return None;
         }
@@ -85,14 +99,14 @@ impl<S: FrameShader> Frame<'_, S> {
         passes.expected = expected;
         let first = step.first + PILOT;
         passes.steps.push(Step { level: step.level + more, larger, first });
-        passes.time_below = time;
+        passes.time_below = time.here();
         // Other samples alone change no bias.
         passes.measured_after = u32::MAX;
         if more > 0 {
             passes.measured_after = first + PILOT;
             self.each_sum(Accumulated::keep_coarser);
         }
-        Duration::try_from_secs_f64(time_of.of((more, larger))).ok()
+        Duration::try_from_secs_f64(time.of((more, larger))).ok()
     }
 
     /// True when the next pass is the first of other surfaces or samples.
@@ -113,7 +127,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// True when shading draws random numbers.
-    fn draws_in_shading(&self) -> bool {
+    pub(super) fn draws_in_shading(&self) -> bool {
         self.shader.noise_sources().into_iter().any(|source| !NoiseSources::OF_PIXELS.contains(source))
     }
 

@@ -65,8 +65,11 @@ impl<S: FrameShader> Frame<'_, S> {
         });
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let is_above = |most: f32| error.map_or_else(|| has_colors, |error| !error.is_within(most));
-        let is_short = plan.error.is_some_and(is_above);
-        let is_unsure = plan.error.is_some() && error.is_some_and(|error| error.bias.is_none());
+        // Where time ends the passes, bias is known to a factor of two, and one pass says nothing of its error.
+        let is_timed = plan.error.is_some() && self.is_timed();
+        let is_short = plan.error.is_some_and(is_above) && !(is_timed && error.is_none());
+        let is_unmeasured = plan.error.is_some() && error.is_some_and(|error| error.bias.is_none());
+        let is_unsure = is_timed || is_unmeasured;
         let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
         let step = self.passes.as_ref().map(|passes| passes.step_of(passes.first));
         let larger = step.unwrap_or_default().larger;

@@ -145,15 +145,19 @@ impl Accumulated {
         self.keeps_coarser = true;
     }
 
-    /// True when it has the passes that the last [`Accumulated::restart`] dropped.
+    /// True when it has coarser passes to compare the first ones with.
     pub(crate) fn has_coarser(&self) -> bool {
         !self.coarser.is_empty()
     }
 
-    /// Takes the colours of all pixels in one of the passes that the last [`Accumulated::restart`] dropped; `None` when
-    /// they were not kept.
-    pub(crate) fn take_coarser(&mut self, pass: usize) -> Option<Vec<f32>> {
-        self.coarser.get_mut(pass).map(std::mem::take)
+    /// Returns the colours of all pixels in one of the coarser passes; empty when there are none.
+    pub(crate) fn coarser(&self, pass: usize) -> &[f32] {
+        self.coarser.get(pass).map_or(&[], Vec::as_slice)
+    }
+
+    /// Sets the colours of all pixels in the coarser passes.
+    pub(crate) fn set_coarser(&mut self, passes: Vec<Vec<f32>>) {
+        self.coarser = passes;
     }
 
     /// Keeps a complete pass for [`Accumulated::restart`].

@@ -7,7 +7,7 @@ use granita_base::{PassNumbers, hash};
 use std::time::{Duration, Instant};
 
 /// Returns the plan that makes the image of a report again.
-fn again_as(report: &PassReport) -> PassPlan {
+pub(super) fn again_as(report: &PassReport) -> PassPlan {
     let power = |factor: u32| factor.ilog2() / 2;
     let larger = [report.pixel_samples, report.samples].map(power);
     PassPlan { level: report.finer.ilog2(), larger, ..passes(report.passes) }
@@ -80,15 +80,29 @@ fn time_decides_only_the_number_of_passes_of_a_requested_error() {
         if report.coarse.is_some() && report.error.is_none_or(|error| error.bias.is_none()) {
             return 0;
         }
-        // Where there is no time to measure bias, the image is that of passes without a requested error.
-        let again = [error(0.05), passes(1)].map(|plan| {
-            let plan = PassPlan { passes: Some(report.passes), ..plan };
-            render(plan).0
-        });
+        // Where the time is too short for the error, the image is that of passes without a requested error.
+        let of_error = PassPlan { passes: Some(report.passes), ..error(0.05) };
+        let again = [of_error, again_as(&report)].map(|plan| render(plan).0);
         assert!(again.contains(&pixels), "{times} times: {report:?}");
         report.passes
     };
     assert!((3..60_u8).any(|times| run(times.into()) >= 3), "there was never time for a third pass");
+}
+
+#[test]
+fn a_time_that_is_too_short_for_the_error_is_used_as_if_none_was_requested() {
+    let slowly = |grid: &mut Grid| {
+        std::thread::sleep(Duration::from_micros(20) * u32::try_from(grid.len()).unwrap());
+        striped(grid);
+    };
+    let begin = Instant::now();
+    let _ = drawn(1.0, slowly, passes(1));
+    let deadline = Some(Instant::now() + begin.elapsed() * 40);
+    let (pixels, report) = drawn(1.0, slowly, PassPlan { deadline, ..error(0.001) });
+    // Those passes are best used with finer surfaces.
+    assert!(report.finer > 1 && report.coarse.is_none(), "{report:?}");
+    assert!(report.is_short || report.is_unsure, "{report:?}");
+    assert!(drawn(1.0, striped, again_as(&report)).0 == pixels, "{report:?}");
 }
 
 #[test]
