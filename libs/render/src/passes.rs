@@ -69,9 +69,10 @@ impl PassPlan {
     /// The largest power of 4 by which passes have more samples.
     pub const LARGEST: u32 = 2;
 
-    /// True when surfaces become finer, and passes larger, where that is the best use of the time.
+    /// True when surfaces may become finer, and passes larger, where that is the best use of the time. With a requested
+    /// error they do so when the time is too short for it.
     pub(crate) fn refines(&self) -> bool {
-        self.deadline.is_some() && self.passes.is_none() && self.error.is_none() && !self.causes
+        self.deadline.is_some() && self.passes.is_none() && !self.causes
     }
 
     /// True when a pass that takes `time` ends in time.

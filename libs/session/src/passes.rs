@@ -34,21 +34,22 @@ pub(crate) fn plan(
     idle_since: Instant,
     reporter: &Reporter,
 ) -> Option<PassPlan> {
-    let refuse = |name: &str, value: String| {
-        let text = format!("\"{name}\" {value} is below 0 or not a number; it is ignored");
+    let ignore = |name: &str, why: String| {
+        let text = format!("\"{name}\" {why}; it is ignored");
         reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
     };
+    let is_no_amount = |value: String| format!("{value} is below 0 or not a number");
     let positive = |name: &str, value: f32| {
         let is_valid = value >= 0.0 && value.is_finite();
         if !is_valid {
-            refuse(name, value.to_string());
+            ignore(name, is_no_amount(value.to_string()));
         }
         Some(value).filter(|value| is_valid && *value > 0.0)
     };
     let passes = asked.passes.or_else(|| {
         let count = scene.get(attr::RENDER_PASSES);
         if count < 0 {
-            refuse(attr::RENDER_PASSES.name(), count.to_string());
+            ignore(attr::RENDER_PASSES.name(), is_no_amount(count.to_string()));
         }
         u32::try_from(count).ok().filter(|count| *count > 0)
     });
@@ -66,13 +67,9 @@ pub(crate) fn plan(
         time.map_or(least, |(seconds, _)| least.max(Duration::from_secs_f64((seconds * part).min(60.0))));
     // Differences between passes need two of them.
     let passes = passes.or((causes && error.is_none() && deadline.is_none()).then_some(2));
-    let refused = |name: &str, value: String, expected: &str| {
-        let text = format!("\"{name}\" {value} is none of {expected}; it is ignored");
-        reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
-    };
     let finer = asked.finer.map_or_else(|| scene.get(attr::RENDER_FINER), u32::cast_signed);
     let level = power_of(2, finer).filter(|level| *level <= PassPlan::FINEST).unwrap_or_else(|| {
-        refused(attr::RENDER_FINER.name(), finer.to_string(), "1, 2, 4, 8, 16 and 32");
+        ignore(attr::RENDER_FINER.name(), format!("{finer} is none of 1, 2, 4, 8, 16 and 32"));
         0
     });
     let of_scene = || scene.get(attr::RENDER_LARGER);
@@ -82,7 +79,7 @@ pub(crate) fn plan(
         [Some(pixels), Some(shading)] => [pixels, shading],
         _ => {
             let [pixels, shading] = larger;
-            refused(attr::RENDER_LARGER.name(), format!("{pixels} {shading}"), "1, 4 and 16");
+            ignore(attr::RENDER_LARGER.name(), format!("{pixels} {shading} is none of 1, 4 and 16"));
             [0; 2]
         }
     };

@@ -1,7 +1,7 @@
 //! Measures what all passes of an image have in common (see [`crate::passes`]).
 
 use super::coarse::Limit;
-use super::levels::{Next, Passes, Step};
+use super::levels::{Changes, Next, Passes, Step};
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::accuracy::{Accuracy, SquaredBias};
@@ -199,8 +199,8 @@ impl<S: FrameShader> Frame<'_, S> {
         if passes.last_step().level > 0 {
             return self.measure_bias_again(run, error, time);
         }
-        let (level, is_compared) = (passes.last_step().level, passes.is_compared());
-        let time_of_coarse = passes.time_below;
+        let (level, is_short) = (passes.last_step().level, passes.first_of_tiles == u32::MAX);
+        let (is_compared, time_of_coarse) = (passes.is_compared(), passes.time_below);
         let plan = run.plan;
         if level < 0 && !plan.has_time_for(time) {
             return Next::End;
@@ -212,16 +212,13 @@ impl<S: FrameShader> Frame<'_, S> {
         let may_change = is_compared || may_end && has_time_for(plan, time, PILOT);
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
         let time_below = if is_compared { time_of_coarse } else { begin.elapsed() / PILOT };
-        if let Some(passes) = &mut self.passes {
-            passes.time_below = time_below;
-        }
         let larger = self.larger_passes(run, (level, &[]), error);
         let passing = Passing::new(error, self.passes_of(larger, error), larger);
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let may_measure = may_end && has_time_for(plan, time, passing.most);
         let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
         let found = match &changes {
-            _ if is_too_large => None,
+            _ if is_short || is_too_large => None,
             // Where even the level below changes little, bias cannot matter.
             Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
             Some(changes) if may_measure => self.bias_of_parts(run, passing, (level, changes)),
@@ -235,7 +232,7 @@ impl<S: FrameShader> Frame<'_, S> {
             return self.end_coarse(time);
         }
         let Some((bias, more)) = found.zip(more) else {
-            return self.go_on_in_time(squared, time);
+            return self.go_on_in_time(plan, changes, (time, time_below));
         };
         let larger = self.larger_passes(run, (level, &bias), error);
         if more > 0 || larger.is_any() {
@@ -244,7 +241,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let passes = self.other_passes(&bias, (more, larger), error);
             let all = Duration::try_from_secs_f64(passes * time_of.of((more, larger)));
             if !all.is_ok_and(|all| plan.has_time_for(all)) {
-                return self.go_on_in_time(squared, time);
+                return self.go_on_in_time(plan, changes, (time, time_below));
             }
         }
         let Some(passes) = &mut self.passes else { return Next::Pass };
@@ -255,16 +252,25 @@ impl<S: FrameShader> Frame<'_, S> {
         Next::Pass
     }
 
-    /// Lets time end the passes, which take `time`, instead of an error, for which it is too short. `changes` is what
-    /// the level below changes, if that is known.
-    fn go_on_in_time(&mut self, changes: Vec<SquaredBias>, time: Duration) -> Next {
-        let is_timed = self.options.denoising.is_none();
+    /// Lets time end the passes instead of an error, for which it is too short. They take `time`, and those of the
+    /// level below `time_below`, which have the `changes` if these are known.
+    fn go_on_in_time(
+        &mut self,
+        plan: &PassPlan,
+        changes: Option<Changes>,
+        (time, time_below): (Duration, Duration),
+    ) -> Next {
+        let is_timed = self.may_be_timed(plan);
         let Some(passes) = &mut self.passes else { return Next::Pass };
-        passes.go_on_in_time(is_timed);
-        if passes.last_step().level < 0 {
+        (passes.first_of_tiles, passes.is_timed) = (u32::MAX, is_timed);
+        let level = passes.last_step().level;
+        if level < 0 {
             return self.end_coarse(time);
         }
-        passes.bias = changes.into_iter().map(SquaredBias::largest).collect();
+        let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
+        let Some(passes) = &mut self.passes else { return Next::Pass };
+        passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
+        (passes.changes, passes.time_below) = (changes.filter(|_| is_timed), time_below);
         Next::Pass
     }
 
@@ -289,10 +295,12 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         let passing = Passing::new(error, 0.0, larger);
         if !has_time_for(run.plan, time, passing.most) {
-            if let Some(passes) = &mut self.passes {
-                passes.go_on_in_time(self.options.denoising.is_none());
+            let is_timed = self.may_be_timed(run.plan);
+            if let Some(passes) = self.passes.as_mut().filter(|_| is_timed) {
+                (passes.first_of_tiles, passes.is_timed) = (u32::MAX, true);
+                return Next::Pass;
             }
-            return Next::Pass;
+            return Next::End;
         }
         let Some(changes) = self.changes_of_frame(run, level) else { return Next::End };
         let Some(bias) = self.bias_of_parts(run, passing, (level, &changes)) else { return Next::End };
@@ -323,16 +331,24 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Returns for each of the first passes of a level how the colours of each image differ from those of the level
     /// below, which are rendered unless they are there; `None` when a pass was given up.
-    pub(super) fn changes_of_frame(&mut self, run: &Run<'_>, level: i32) -> Option<Vec<Vec<Vec<f32>>>> {
-        if self.passes.as_ref().is_some_and(|passes| !passes.is_compared()) {
-            let all: Vec<usize> = (0..self.buckets.order.len()).collect();
-            let coarser =
-                |pass| self.colors_apart(run, (pass, Accuracy::of_level(level - 1), Larger::default()), &all);
-            let passes: Vec<_> = (0..PILOT).map(coarser).collect::<Option<_>>()?;
-            let mut of_passes: Vec<_> = passes.into_iter().map(Vec::into_iter).collect();
-            self.each_sum(|sum| sum.set_coarser(of_passes.iter_mut().filter_map(Iterator::next).collect()));
+    pub(super) fn changes_of_frame(&mut self, run: &Run<'_>, level: i32) -> Option<Changes> {
+        let passes = self.passes.as_mut()?;
+        if let Some(changes) = passes.changes.take() {
+            return Some(changes);
         }
-        Some((0..PILOT as usize).map(|pass| self.changes(pass)).collect())
+        let is_compared = passes.is_compared();
+        let all: Vec<usize> = (0..self.buckets.order.len()).collect();
+        let change = |pass| {
+            let mut coarser = Vec::new();
+            if is_compared {
+                self.each_sum(|sum| coarser.push(sum.take_coarser(pass as usize)));
+            } else {
+                coarser =
+                    self.colors_apart(run, (pass, Accuracy::of_level(level - 1), Larger::default()), &all)?;
+            }
+            Some(self.changes(pass as usize, coarser))
+        };
+        (0..PILOT).map(change).collect()
     }
 
     /// Returns the squared bias of each image, from parts of it in as many passes as the requested error needs; `None`
@@ -453,13 +469,12 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.
-    fn changes(&self, pass: usize) -> Vec<Vec<f32>> {
-        let mut changes = Vec::new();
-        self.each_sum(|sum| {
-            let both = sum.coarser(pass).iter().zip(sum.early(pass));
-            changes.push(both.map(|(coarser, plain)| coarser - plain).collect());
-        });
-        changes
+    fn changes(&self, pass: usize, mut coarser: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+        for (colors, sum) in coarser.iter_mut().zip(sums) {
+            colors.iter_mut().zip(sum.lock().early(pass)).for_each(|(color, plain)| *color -= plain);
+        }
+        coarser
     }
 
     /// Returns the mean square of what the level below changes in each image, over the square of its mean.

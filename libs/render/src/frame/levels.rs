@@ -43,6 +43,9 @@ pub(super) struct Held {
     pub(super) parts: Vec<Parts>,
 }
 
+/// By how much the colours of each image differ from those of the level below, in each of the first passes.
+pub(super) type Changes = Vec<Vec<Vec<f32>>>;
+
 /// The passes that a frame has and their results so far.
 pub(super) struct Passes {
     /// The pass that is rendered, from 0.
@@ -69,6 +72,8 @@ pub(super) struct Passes {
     pub(super) measured_after: u32,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
+    /// What the first passes of the last step change, where it was measured for an error whose time is too short.
+    pub(super) changes: Option<Changes>,
     /// What the images are until finer surfaces are better, where time is requested.
     pub(super) held: Option<Held>,
     /// The parts that the squared error of each image is expected to have after the first passes of the last step.
@@ -102,9 +107,9 @@ impl Passes {
         self.steps.last().copied().unwrap_or_default()
     }
 
-    /// True when the passes that the last step replaced are there, so that it can be compared with them.
+    /// True when it is known what the first passes of the last step change, or when those that it replaced are there.
     pub(super) fn is_compared(&self) -> bool {
-        self.sums.iter().all(|sum| sum.lock().has_coarser())
+        self.changes.is_some() || self.sums.iter().all(|sum| sum.lock().has_coarser())
     }
 
     /// Returns by how many levels the last step is above the one before, or above the coarse passes before it.
@@ -130,11 +135,6 @@ impl Passes {
         self.steps.push(Step { level: level + more, larger, first });
         self.first_of_tiles = first + PILOT;
         self.measured_after = if more >= Accuracy::MOST_AT_ONCE { self.first_of_tiles } else { u32::MAX };
-    }
-
-    /// Lets time end the passes instead of an error, for which it is too short.
-    pub(super) fn go_on_in_time(&mut self, is_timed: bool) {
-        (self.first_of_tiles, self.is_timed) = (u32::MAX, is_timed);
     }
 
     /// Returns how many times as far apart the points of surfaces of a coarse image are.

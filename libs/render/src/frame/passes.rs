@@ -71,6 +71,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first: 0,
             first_of_tiles: PILOT,
             is_timed: false,
+            changes: None,
             steps: vec![step],
             held: None,
             expected: Vec::new(),
@@ -126,8 +127,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         // Images without colours have no error that more passes could reach.
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let most = if plan.error.is_some() && !has_colors { 1 } else { plan.most() };
+        let may_be_timed = self.may_be_timed(plan);
         if let Some(passes) = &mut self.passes {
-            passes.is_timed = plan.refines() && has_colors && self.options.denoising.is_none();
+            passes.is_timed = plan.error.is_none() && has_colors && may_be_timed;
         }
         let run = Run { scene, plan, canvases, threads };
         loop {
@@ -136,11 +138,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
                     let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.steps[0].level < 0);
                     let may_go_on = is_coarse || completed < most;
-                    let next = may_go_on.then(|| self.measure_bias(&run, f64::from(error), time));
-                    if next != Some(Next::Pass) || !self.is_timed() {
-                        self.drop_coarser();
-                    }
-                    match next {
+                    match may_go_on.then(|| self.measure_bias(&run, f64::from(error), time)) {
                         Some(Next::End) => break,
                         Some(Next::Restart) => {
                             completed = 0;
@@ -158,7 +156,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let is_timed = self.is_timed();
             if is_timed && self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                 last = last.map(|(time, pixels)| (self.refine(&run, time).unwrap_or(time), pixels));
-                self.drop_coarser();
             } else if !is_timed
                 && completed >= PILOT
                 && plan.error.is_some_and(|error| self.is_reached_by_whole_passes(error))
@@ -246,7 +243,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         Passed { failed, report, errors, denoised: denoised.errors }
     }
 
-    /// True when surfaces become finer and passes larger where that is the best use of the time.
+    /// True when surfaces may become finer and passes larger where that is the best use of the time.
+    pub(super) fn may_be_timed(&self, plan: &PassPlan) -> bool {
+        plan.refines() && self.options.denoising.is_none()
+    }
+
+    /// True when they do.
     pub(super) fn is_timed(&self) -> bool {
         self.passes.as_ref().is_some_and(|passes| passes.is_timed)
     }
@@ -363,11 +365,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
-    }
-
-    /// Drops the coarser passes, which need memory.
-    fn drop_coarser(&self) {
-        self.each_sum(|sum| sum.set_coarser(Vec::new()));
     }
 
     /// Calls `each` with the sum of every image.

@@ -145,19 +145,15 @@ impl Accumulated {
         self.keeps_coarser = true;
     }
 
-    /// True when it has coarser passes to compare the first ones with.
+    /// True when it has the passes that the last [`Accumulated::restart`] dropped.
     pub(crate) fn has_coarser(&self) -> bool {
-        !self.coarser.is_empty()
+        self.coarser.iter().any(|colors| !colors.is_empty())
     }
 
-    /// Returns the colours of all pixels in one of the coarser passes; empty when there are none.
-    pub(crate) fn coarser(&self, pass: usize) -> &[f32] {
-        self.coarser.get(pass).map_or(&[], Vec::as_slice)
-    }
-
-    /// Sets the colours of all pixels in the coarser passes.
-    pub(crate) fn set_coarser(&mut self, passes: Vec<Vec<f32>>) {
-        self.coarser = passes;
+    /// Takes the colours of all pixels in one of the passes that the last [`Accumulated::restart`] dropped; none when
+    /// they were not kept.
+    pub(crate) fn take_coarser(&mut self, pass: usize) -> Vec<f32> {
+        self.coarser.get_mut(pass).map(std::mem::take).unwrap_or_default()
     }
 
     /// Keeps a complete pass for [`Accumulated::restart`].
