@@ -240,6 +240,9 @@ impl<S: FrameShader> Frame<'_, S> {
         let here = |job: &Job<S::Object>| !job.seen[eye].rect.intersection(&samples.rect).is_empty();
         let near = jobs.of_bucket[index].iter().filter(|j| here(&jobs.list[**j]));
         order.extend(near.map(|&j| turn(jobs.list[j].seen[eye].z_min, j, None)));
+        // Those with parts that may be nearer than their turn says, which are few.
+        let is_loose = |turn: &Turn| self.least_depth(eye, jobs, *turn) < turn.z;
+        let mut loose: Vec<Turn> = order.iter().map(|Reverse(turn)| *turn).filter(is_loose).collect();
         let mut hiding = std::time::Duration::ZERO;
         // The next turns of each primitive whose grids may be batched, in order.
         let mut next_of: HashMap<usize, VecDeque<Turn>> = HashMap::new();
@@ -273,6 +276,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     });
                     let mut turns: Vec<Turn> = turns.collect();
                     order.extend(turns.iter().copied().map(Reverse));
+                    loose.extend(turns.iter().copied().filter(is_loose));
                     if job.traits.may_batch && !job.traits.saves && turns.len() > 1 {
                         turns.sort_unstable();
                         next_of.insert(j, turns.into());
@@ -322,9 +326,10 @@ impl<S: FrameShader> Frame<'_, S> {
                     });
                     let begin = Instant::now();
                     if surfaces.is_full() {
-                        let rest = order.iter().map(|Reverse(turn)| *turn);
-                        let turns = std::iter::once(Turn { z, job: j, leaf }).chain(rest);
-                        surfaces.settle(self.least_depth(eye, jobs, turns), &self.outputs.wanted);
+                        let present = Turn { z, job: j, leaf };
+                        loose.retain(|turn| *turn >= present);
+                        let least = loose.iter().map(|turn| self.least_depth(eye, jobs, *turn));
+                        surfaces.settle(least.fold(z, f32::min), &self.outputs.wanted);
                     }
                     surfaces.add(&grid, eye);
                     hiding += begin.elapsed();
@@ -357,18 +362,15 @@ impl<S: FrameShader> Frame<'_, S> {
         if needs_all { usize::MAX } else { self.layers_at_once }
     }
 
-    /// Returns a depth before which no part of a grid lies whose turn is one of `turns`.
-    fn least_depth(&self, eye: usize, jobs: &Jobs<S::Object>, turns: impl Iterator<Item = Turn>) -> f32 {
-        let of = |Turn { z, job, leaf }: Turn| {
-            let job = &jobs.list[job];
-            match leaf {
-                // The hider leaves out what is nearer than the bound of a grid.
-                Some(leaf) => z.min(self.split(job).leaves[leaf as usize].seen[eye].z_min),
-                None if job.seen[eye].is_nearest => z,
-                None => f32::NEG_INFINITY,
-            }
-        };
-        turns.map(of).fold(f32::INFINITY, f32::min)
+    /// Returns a depth before which no part of the grids of a turn lies.
+    fn least_depth(&self, eye: usize, jobs: &Jobs<S::Object>, Turn { z, job, leaf }: Turn) -> f32 {
+        let job = &jobs.list[job];
+        match leaf {
+            // The hider leaves out what is nearer than the bound of a grid.
+            Some(leaf) => z.min(self.split(job).leaves[leaf as usize].seen[eye].z_min),
+            None if job.seen[eye].is_nearest => z,
+            None => f32::NEG_INFINITY,
+        }
     }
 
     /// Returns the pixels of a rectangle, image by image, from its `resolved` samples. `volumes` returns the texels
