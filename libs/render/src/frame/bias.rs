@@ -212,13 +212,16 @@ impl<S: FrameShader> Frame<'_, S> {
         let may_change = is_compared || may_end && has_time_for(plan, time, PILOT);
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
         let time_below = if is_compared { time_of_coarse } else { begin.elapsed() / PILOT };
+        if is_short {
+            return self.go_on_in_time((plan, error), changes, (time, time_below));
+        }
         let larger = self.larger_passes(run, (level, &[]), error);
         let passing = Passing::new(error, self.passes_of(larger, error), larger);
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let may_measure = may_end && has_time_for(plan, time, passing.most);
         let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
         let found = match &changes {
-            _ if is_short || is_too_large => None,
+            _ if is_too_large => None,
             // Where even the level below changes little, bias cannot matter.
             Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
             Some(changes) if may_measure => self.bias_of_parts(run, passing, (level, changes)),
@@ -232,7 +235,7 @@ impl<S: FrameShader> Frame<'_, S> {
             return self.end_coarse(time);
         }
         let Some((bias, more)) = found.zip(more) else {
-            return self.go_on_in_time(plan, changes, (time, time_below));
+            return self.go_on_in_time((plan, error), changes, (time, time_below));
         };
         let larger = self.larger_passes(run, (level, &bias), error);
         if more > 0 || larger.is_any() {
@@ -241,7 +244,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let passes = self.other_passes(&bias, (more, larger), error);
             let all = Duration::try_from_secs_f64(passes * time_of.of((more, larger)));
             if !all.is_ok_and(|all| plan.has_time_for(all)) {
-                return self.go_on_in_time(plan, changes, (time, time_below));
+                return self.go_on_in_time((plan, error), changes, (time, time_below));
             }
         }
         let Some(passes) = &mut self.passes else { return Next::Pass };
@@ -253,16 +256,16 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Lets time end the passes instead of an error, for which it is too short. They take `time`, and those of the
-    /// level below `time_below`, which have the `changes` if these are known.
+    /// level below `time_below`, which have the `changes` if these are known. Coarse passes are followed by those of
+    /// the scene's own accuracy first, which may have the error with the largest bias that the changes permit.
     fn go_on_in_time(
         &mut self,
-        plan: &PassPlan,
+        (plan, error): (&PassPlan, f64),
         changes: Option<Changes>,
         (time, time_below): (Duration, Duration),
     ) -> Next {
-        let is_timed = self.may_be_timed(plan);
         let Some(passes) = &mut self.passes else { return Next::Pass };
-        (passes.first_of_tiles, passes.is_timed) = (u32::MAX, is_timed);
+        passes.first_of_tiles = u32::MAX;
         let level = passes.last_step().level;
         if level < 0 {
             return self.end_coarse(time);
@@ -270,7 +273,10 @@ impl<S: FrameShader> Frame<'_, S> {
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
         let Some(passes) = &mut self.passes else { return Next::Pass };
         passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
+        let is_timed = self.may_be_timed(plan) && !self.is_reached_by_whole_passes(error);
+        let Some(passes) = &mut self.passes else { return Next::Pass };
         (passes.changes, passes.time_below) = (changes.filter(|_| is_timed), time_below);
+        passes.is_timed = is_timed;
         Next::Pass
     }
 
@@ -279,8 +285,7 @@ impl<S: FrameShader> Frame<'_, S> {
     fn other_passes(&self, bias: &[SquaredBias], (more, larger): Other, error: f64) -> f64 {
         let of_pixels = |index| self.passes.as_ref().and_then(|passes| passes.of_pixels.get(index).copied());
         let of_image = |(index, bias): (usize, &SquaredBias)| {
-            let remains = (0..more).fold(*bias, |bias, _| bias.remains());
-            let needed = self.needed_passes(index, remains.leaves(error));
+            let needed = self.needed_passes_above(index, (*bias, more), error);
             LEAST_OF_PARTS * needed * larger.left(of_pixels(index).unwrap_or(1.0), more)
         };
         bias.iter().enumerate().map(of_image).fold(PILOT.into(), f64::max)
@@ -316,7 +321,7 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// True when whole passes have the requested error, where there was no time to measure the bias in parts of the
     /// image.
-    pub(super) fn is_reached_by_whole_passes(&self, error: f32) -> bool {
+    pub(super) fn is_reached_by_whole_passes(&self, error: f64) -> bool {
         let whole = self.options.camera.crop;
         let Some(passes) = self.passes.as_ref().filter(|passes| passes.first_of_tiles == u32::MAX) else {
             return false;
@@ -324,7 +329,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let is_reached = |(sum, bias): (&Mutex<Accumulated>, &SquaredBias)| {
             let sum = sum.lock();
             let found = mean_of(&sum).and_then(|mean| sum.error(&whole, mean));
-            found.is_none_or(|found| found.with_bias(bias).is_within(error))
+            found.is_none_or(|found| found.with_bias(bias).is_within(error as f32))
         };
         !passes.bias.is_empty() && passes.sums.iter().zip(&passes.bias).all(is_reached)
     }
@@ -449,12 +454,23 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Returns the number of passes that a squared noise of an image needs, as far as the first passes show it.
-    pub(super) fn needed_passes(&self, index: usize, squared: f64) -> f64 {
+    fn needed_passes(&self, index: usize, squared: f64) -> f64 {
         let whole = self.options.camera.crop;
         let Some(sum) = self.passes.as_ref().and_then(|passes| passes.sums.get(index)) else { return 0.0 };
         let sum = sum.lock();
         let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
         f64::from(PILOT) * noise.powi(2) / squared
+    }
+
+    /// Returns the number of passes that an error needs beside what is left of the bias of an image some levels above.
+    pub(super) fn needed_passes_above(
+        &self,
+        index: usize,
+        (bias, steps): (SquaredBias, i32),
+        error: f64,
+    ) -> f64 {
+        let remains = (0..steps).fold(bias, |bias, _| bias.remains());
+        self.needed_passes(index, remains.leaves(error))
     }
 
     /// Returns the number of larger passes that the noise of all images needs for an error, if they had no bias, and if

@@ -22,8 +22,8 @@ impl<S: FrameShader> Frame<'_, S> {
         let need = |index: usize| {
             let bias = bias.get(index).copied().unwrap_or_default();
             let steps = Accuracy::steps(level, bias.root(), error);
-            let remains = (0..steps).fold(bias, |bias, _| bias.remains());
-            Need { passes: self.needed_passes(index, remains.leaves(error)), of_pixels: 1.0, steps }
+            let passes = self.needed_passes_above(index, (bias, steps), error);
+            Need { passes, of_pixels: 1.0, steps }
         };
         let needs: Vec<Need> = (0..images).map(need).collect();
         if needs.iter().all(|need| need.passes < WORTH) {

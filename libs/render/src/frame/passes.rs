@@ -152,15 +152,14 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     Some(WHOLE) => decisions = self.decisions(error, &decisions),
                     _ => (),
                 }
+                let may_end = completed >= PILOT && !self.is_timed();
+                if may_end && self.is_reached_by_whole_passes(error.into()) {
+                    break;
+                }
             }
             let is_timed = self.is_timed();
             if is_timed && self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                 last = last.map(|(time, pixels)| (self.refine(&run, time).unwrap_or(time), pixels));
-            } else if !is_timed
-                && completed >= PILOT
-                && plan.error.is_some_and(|error| self.is_reached_by_whole_passes(error))
-            {
-                break;
             }
             self.show_better();
             if completed >= most {
