@@ -11,6 +11,29 @@ use granita_machine::simd::Portable;
 use granita_scene::Camera;
 use std::collections::BTreeSet;
 
+/// A sink of any type. The search for hits takes long to compile, so that tests have it once.
+struct Any<'a>(&'a mut dyn Sink);
+
+impl Sink for Any<'_> {
+    fn hides(&mut self, rect: &PixelRect, z: f32) -> bool {
+        self.0.hides(rect, z)
+    }
+
+    fn limits(&self) -> Option<&[f32]> {
+        self.0.limits()
+    }
+
+    fn hit(&mut self, hit: Hit) {
+        self.0.hit(hit);
+    }
+}
+
+/// Finds all hits of a grid on samples.
+fn each_hit(samples: &SampleGrid, grid: &ShadedGrid, sink: &mut dyn Sink) {
+    let raster = Raster { samples, grid, view: &grid.views[0] };
+    raster.each_hit(&mut crate::blurred::Scratch::default(), &mut Any(sink));
+}
+
 /// Records all hits.
 #[derive(Default)]
 struct All(BTreeSet<(usize, u32, u32)>);
@@ -88,7 +111,7 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
             let grid = grid(&camera, times, &at);
             let raster = Raster { samples: &samples, grid: &grid, view: &grid.views[0] };
             let mut found = All::default();
-            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut found);
+            each_hit(&samples, &grid, &mut found);
             let mut all = All::default();
             let scale = raster.view.scale;
             for (j, i) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
@@ -127,9 +150,8 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
 
 /// Returns the hits of a grid on the samples of some pixels: raster positions, micropolygons and depths.
 fn hits(grid: &ShadedGrid, samples: &SampleGrid) -> BTreeSet<[u32; 4]> {
-    let raster = Raster { samples, grid, view: &grid.views[0] };
     let mut found = All::default();
-    raster.each_hit(&mut crate::blurred::Scratch::default(), &mut found);
+    each_hit(samples, grid, &mut found);
     let place = |s: usize| [samples.x[s].to_bits(), samples.y[s].to_bits()];
     found.0.iter().map(|&(s, at, z)| [place(s)[0], place(s)[1], at, z]).collect()
 }
@@ -201,10 +223,9 @@ fn hits_that_are_not_needed_change_nothing() {
                 Vec3::new(x + t * random(3), y, 6.0 + 2.0 * random(4) + 3.0 * u * random(5))
             };
             let grid = grid(&camera, if moving { &[0.0, 1.0] } else { &[0.0] }, &at);
-            let raster = Raster { samples: &samples, grid: &grid, view: &grid.views[0] };
-            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut nearest);
+            each_hit(&samples, &grid, &mut nearest);
             let mut all = Every::default();
-            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut all);
+            each_hit(&samples, &grid, &mut all);
             for hit in all.0.iter().filter(|hit| hit.beside.is_none()) {
                 if hit.z < depths[hit.sample] {
                     depths[hit.sample] = hit.z;

@@ -19,6 +19,11 @@ fn random_point(seed: u32, i: u32) -> Vec3 {
     Vec3::new(random(seed, i * 3), random(seed, i * 3 + 1), random(seed, i * 3 + 2))
 }
 
+/// Traces with the vectors of every machine. It is one function, because what it calls is compiled into it.
+fn portable(batch: &Batch<'_>, task: Task<'_>, room: &mut RayScratch) {
+    batch.run(Portable, task, room);
+}
+
 /// Tests all triangles one by one, without a tree.
 fn brute_force(scene: &Scene, ray: &Ray) -> Hit {
     let Some(probe) = Probe::new(ray, scene.scale, &scene.bounds) else { return Hit::MISS };
@@ -189,9 +194,9 @@ fn packets_equal_brute_force() {
             let (mut blocked, mut open) = (vec![false; rays.len()], vec![true; rays.len()]);
             let mut room = RayScratch::default();
             batch.trace(Task::Closest(&mut hits), &mut room);
-            batch.run(Portable, Task::Closest(&mut plain), &mut room);
+            portable(&batch, Task::Closest(&mut plain), &mut room);
             batch.trace(Task::Any(&mut blocked), &mut room);
-            batch.run(Portable, Task::Any(&mut open), &mut room);
+            portable(&batch, Task::Any(&mut open), &mut room);
             for (k, ray) in rays.iter().enumerate() {
                 let all = bits(&brute_force(scene, ray));
                 assert_eq!(bits(&hits[k]), all, "{seed} {i} {k} {ray:?}");
@@ -217,7 +222,7 @@ fn wide_and_portable_traversal_agree_to_the_bit() {
     let (mut wide, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
     let mut room = RayScratch::default();
     batch.trace(Task::Closest(&mut wide), &mut room);
-    batch.run(Portable, Task::Closest(&mut plain), &mut room);
+    portable(&batch, Task::Closest(&mut plain), &mut room);
     for (a, b) in wide.iter().zip(&plain) {
         assert_eq!(bits(a), bits(b));
     }
@@ -227,7 +232,7 @@ fn wide_and_portable_traversal_agree_to_the_bit() {
     }
     let (mut wide, mut plain) = (vec![false; rays.len()], vec![false; rays.len()]);
     batch.trace(Task::Any(&mut wide), &mut room);
-    batch.run(Portable, Task::Any(&mut plain), &mut room);
+    portable(&batch, Task::Any(&mut plain), &mut room);
     assert_eq!(wide, plain);
     for (ray, k) in rays.iter().zip(0..500) {
         let mut asked = |wide: bool| {
@@ -241,7 +246,7 @@ fn wide_and_portable_traversal_agree_to_the_bit() {
             if wide {
                 batch.trace(task, &mut room)
             } else {
-                batch.run(Portable, task, &mut room)
+                portable(&batch, task, &mut room)
             }
             (bits(&hit), list)
         };

@@ -47,17 +47,26 @@ impl Format for Nowhere {
 }
 
 /// Shades every grid with a function of the grid. The function receives the values of the object's attributes.
-struct Painted<F: Fn(&mut Grid) + Sync> {
-    paint: F,
+///
+/// It is one type whatever the function is, because frames are compiled once for each type of shader.
+struct Painted<'a> {
+    paint: Box<dyn Fn(&mut Grid) + Sync + 'a>,
     displace: Option<f32>,
 }
 
-impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
+impl<'a> Painted<'a> {
+    /// Returns the shader that runs `paint` and moves no point.
+    fn new(paint: impl Fn(&mut Grid) + Sync + 'a) -> Self {
+        Self { paint: Box::new(paint), displace: None }
+    }
+}
+
+impl FrameShader for Painted<'_> {
     type Object = ObjectTraits;
-    type Thread<'a>
+    type Thread<'b>
         = ()
     where
-        F: 'a;
+        Self: 'b;
 
     fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
         let attributes = &primitive.attributes;
@@ -231,7 +240,7 @@ fn render_counted<S: FrameShader>(
 }
 
 fn image(build: &Build, data: &str, params: &[Param]) -> Vec<f32> {
-    render_with(build, &build.view(&[]), 1, (data, params), &Painted { paint: flat, displace: None })
+    render_with(build, &build.view(&[]), 1, (data, params), &Painted::new(flat))
 }
 
 fn box_filter() -> Vec<Param> {
@@ -296,7 +305,7 @@ fn wavy(grid: &mut Grid) {
 #[test]
 fn pixels_do_not_depend_on_threads_buckets_or_crops() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: Some(0.02) };
+    let shader = Painted { displace: Some(0.02), ..Painted::new(wavy) };
     let mut plain = build.clone();
     for primitive in &mut plain.scene.primitives {
         let mut set = (*primitive.attributes).clone();
@@ -333,7 +342,7 @@ fn pixels_do_not_depend_on_threads_buckets_or_crops() {
 #[test]
 fn depths_do_not_depend_on_buckets() {
     let build = busy();
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     for data in ["z", "avgz", "normal N"] {
         let a = render_with(&build, &build.view(&[]), 1, (data, &[]), &shader);
         let view = build.view(&[("int[2] limits:bucketsize", vec![9.0, 13.0])]);
@@ -722,7 +731,7 @@ fn shader_variables_are_written_as_images() {
 #[test]
 fn a_layer_has_the_pixels_of_an_image_of_its_own() {
     let build = busy();
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     let one =
         |data: &str, params: &[Param]| render_with(&build, &build.view(&[]), 2, (data, params), &shader);
     let closest = [Param::declared("string filter", "closest").unwrap()];
@@ -770,7 +779,7 @@ fn a_panic_of_a_shader_loses_only_its_bucket() {
     let files = ["scene.pyg".to_owned()];
     let options =
         FrameOptions { threads: 2, scene_files: &files, ..FrameOptions::new(&view, &reporter, &stop) };
-    let shader = Painted { paint, displace: None };
+    let shader = Painted::new(paint);
     let (_, complete) =
         render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
     assert!(!complete);
@@ -787,7 +796,7 @@ fn a_panic_of_a_shader_loses_only_its_bucket() {
 
 #[test]
 fn hidden_surfaces_are_neither_split_nor_shaded() {
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     // There are 20 layers, the nearest one last. The second scene has a hole in all but the farthest one, so that
     // nothing is in front of its right half.
     let layers = |half: f32, n: usize| {

@@ -24,17 +24,17 @@ impl Random {
 }
 
 /// Displaces grids and keeps their colours.
-struct Moved<F: Fn(&mut Grid) + Sync> {
+struct Moved<'a> {
     /// The displacement; `None` when nothing is displaced.
-    displace: Option<F>,
+    displace: Option<&'a (dyn Fn(&mut Grid) + Sync)>,
 }
 
-impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
+impl FrameShader for Moved<'_> {
     type Object = ObjectTraits;
-    type Thread<'a>
+    type Thread<'b>
         = ()
     where
-        F: 'a;
+        Self: 'b;
 
     fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
         Arc::new(ObjectTraits {
@@ -200,7 +200,7 @@ fn holes(seed: u32) -> (usize, String) {
             grid.p.set(i, p + direction.unwrap_or(n) * (wave * amplitude));
         }
     };
-    let shader = Moved { displace: displaced.then_some(rough) };
+    let shader = Moved { displace: displaced.then_some(&rough) };
     if moves {
         build.camera.push(("float[2] shutter", vec![0.0, 1.0]));
     }
@@ -295,7 +295,7 @@ fn displaced_in_plane(
         }
     };
     let view = build.view(&[]);
-    let shader = Moved { displace: Some(displace) };
+    let shader = Moved { displace: Some(&displace) };
     let image = render_with(&build, &view, 1, ("rgba", &box_filter()[..]), &shader);
     image.chunks(4).map(|p| p[3]).collect()
 }

@@ -3,7 +3,7 @@
 use super::*;
 
 fn shown(build: &Build, view: &CameraView, threads: usize, by: f32) -> Vec<f32> {
-    render_with(build, view, threads, ("rgba", &[]), &Painted { paint: wavy, displace: Some(by) })
+    render_with(build, view, threads, ("rgba", &[]), &Painted { displace: Some(by), ..Painted::new(wavy) })
 }
 
 fn alpha(image: &[f32]) -> f32 {

@@ -12,7 +12,7 @@ fn rendered(build: &Build) -> (Vec<f32>, Vec<String>) {
     let mut outputs = one_output(&view, ("rgba", &box_filter()), &reporter);
     let stop = AtomicBool::new(false);
     let options = FrameOptions { threads: 2, ..FrameOptions::new(&view, &reporter, &stop) };
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
     let said = kept.lock().iter().map(|m| m.to_string()).collect();
     (outputs.images.remove(0).pixels, said)

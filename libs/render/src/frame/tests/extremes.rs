@@ -3,7 +3,7 @@
 use super::*;
 
 fn shaded(build: &Build, more: &[(&'static str, Vec<f32>)]) -> Vec<f32> {
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     render_with(build, &build.view(more), 2, ("rgba", &box_filter()), &shader)
 }
 
@@ -102,7 +102,7 @@ fn objects_too_far_from_the_origin_are_reported() {
         let mut outputs = one_output(&view, ("rgba", &[]), &reporter);
         let stop = AtomicBool::new(false);
         let options = FrameOptions::new(&view, &reporter, &stop);
-        let shader = Painted { paint: flat, displace: None };
+        let shader = Painted::new(flat);
         render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
         kept.lock().iter().map(|m| m.to_string()).collect::<Vec<_>>()
     };
@@ -174,7 +174,7 @@ fn opacities_and_colours_of_any_size_give_finite_pixels() {
             grid.c = granita_shade::Lanes3::splat(Vec3::splat(color), n);
             grid.opacity = granita_shade::Lanes3::splat(Vec3::splat(opacity), n);
         };
-        let shader = Painted { paint, displace: None };
+        let shader = Painted::new(paint);
         let image = render_with(&build, &build.view(&[]), 2, ("rgba", &box_filter()), &shader);
         assert!(image.iter().all(|v| v.is_finite()), "{opacity} {color}");
         let expected = match (opacity > 0.0, color < 1.0) {

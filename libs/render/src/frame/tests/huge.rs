@@ -7,7 +7,7 @@ use granita_base::shape::KnotSpan;
 
 /// Returns the fraction of the image that is covered.
 fn alpha(build: &Build, more: &[(&'static str, Vec<f32>)], displace: Option<f32>) -> f32 {
-    let shader = Painted { paint: flat, displace };
+    let shader = Painted { displace, ..Painted::new(flat) };
     let image = render_with(build, &build.view(more), 2, ("rgba", &box_filter()), &shader);
     image.chunks(4).map(|p| p[3]).sum::<f32>() / (image.len() / 4) as f32
 }
@@ -167,7 +167,7 @@ fn cameras_far_from_the_origin_show_the_same_image() {
         ground(&mut build, Kind::Mesh, 1e6, place(0.0, -1.0, 0.0), &[]);
         build
     };
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     for moves in [0.0, 0.5] {
         let pixels = |from: Vec3| {
             let build = scene(from, moves);
@@ -185,7 +185,7 @@ fn large_ground_does_not_depend_on_threads_buckets_or_crops() {
     build.world_to_camera = build.world_to_camera.first().then(&Transform::rotate(0.2, Vec3::X)).into();
     ground(&mut build, Kind::Cubic, 1e7, MotionTransform::default(), &[("color C", &[0.3, 0.6, 0.9])]);
     ground(&mut build, Kind::Sphere, 1e7, at(0.0, -0.2, 0.0), &[]);
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let whole = render_with(&build, &build.view(&[]), 1, ("rgba", &[]), &shader);
     let small = build.view(&[("int[2] limits:bucketsize", vec![7.0, 5.0])]);
     assert!(whole == render_with(&build, &small, 3, ("rgba", &[]), &shader));

@@ -33,7 +33,7 @@ fn open_shutter() -> Build {
 }
 
 fn means(build: &Build, more: &[(&'static str, Vec<f32>)]) -> [f32; 2] {
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     let image = render_with(build, &build.view(more), 2, ("rgba", &box_filter()), &shader);
     let [r, .., a] = *pixel(&image, 4, 32, 24) else { panic!("four channels") };
     [r, a]
@@ -75,7 +75,7 @@ fn pixels_do_not_depend_on_threads_buckets_or_crops() {
     let mut build = busy();
     moving_square(&mut build, &[(0.3, [-0.5, 0.1, 0.9]), (0.8, [1.5, 1.0, 0.2])], at(0.0, 0.0, 3.0));
     moving_square(&mut build, &[(-1.0, [1.0, 0.7, 1.0]), (0.4, [-1.0, 0.3, 1.0])], at(0.5, 0.5, 3.5));
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let view = build.view(&[]);
     let render = |view: &CameraView, threads| render_with(&build, view, threads, ("rgba", &[]), &shader);
     let reference = render(&view, 1);

@@ -17,7 +17,7 @@ fn half_moving() -> Build {
 }
 
 fn with(build: &Build, more: &[(&'static str, Vec<f32>)]) -> Vec<f32> {
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     render_with(build, &build.view(more), 2, ("rgba", &[]), &shader)
 }
 
@@ -72,7 +72,7 @@ fn reduced_pixels_do_not_depend_on_buckets_or_crops() {
     let mut build = busy();
     build.camera.retain(|(name, _)| *name != "float fstop");
     build.camera.push(("int temporalquality", vec![40.0]));
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let image = |view: &CameraView, threads| render_with(&build, view, threads, ("rgba", &[]), &shader);
     let reference = image(&build.view(&[]), 1);
     let all = build.view(&[("int limits:autopassreduction", vec![0.0])]);
@@ -91,7 +91,7 @@ fn depth_passes_trust_the_attribute_for_opacity() {
     let counted = |list: &[(&str, &[f32])], data: &str| {
         let mut build = flat_camera();
         build.square(2.0, list, at(0.0, 0.0, 5.0));
-        let shader = Painted { paint: flat, displace: None };
+        let shader = Painted::new(flat);
         let (pixels, statistics) =
             render_counted(&build, &build.view(&[]), 1, (data, &box_filter()), &shader);
         (pixels[24 * 64 + 32], statistics.grids_shaded)

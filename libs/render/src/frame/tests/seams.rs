@@ -22,7 +22,7 @@ fn seams_of(subdivide: bool, faces: usize, normals: Option<[[f32; 3]; 6]>) -> Ve
     build.add(shape, params, attributes(&[], at(0.0, 0.0, 5.0)));
     let seen = Mutex::new(Vec::new());
     let paint = |grid: &mut Grid| seen.lock().extend(grid.seams.iter().copied());
-    render_with(&build, &build.view(&[]), 1, ("rgba", &[]), &Painted { paint, displace: None });
+    render_with(&build, &build.view(&[]), 1, ("rgba", &[]), &Painted::new(paint));
     let seen = seen.into_inner();
     assert!(seen.len() >= faces, "{seen:?}");
     seen

@@ -36,13 +36,13 @@ fn seen<S: FrameShader>(
 
 fn stereo_images(build: &Build, stereo: Stereo) -> Vec<Vec<f32>> {
     let view = CameraView { stereo: Some(stereo), ..build.view(&[]) };
-    seen(build, &view, &view.eyes().unwrap(), 1, &Painted { paint: flat, displace: None }).0
+    seen(build, &view, &view.eyes().unwrap(), 1, &Painted::new(flat)).0
 }
 
 #[test]
 fn eyes_at_the_camera_give_the_image_of_the_camera() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: Some(0.02) };
+    let shader = Painted { displace: Some(0.02), ..Painted::new(wavy) };
     let view = build.view(&[]);
     let mono = render_with(&build, &view, 1, ("rgba", &box_filter()), &shader);
     for projection in [EyeProjection::OffAxis, EyeProjection::Parallel, EyeProjection::ToeIn] {
@@ -55,7 +55,7 @@ fn eyes_at_the_camera_give_the_image_of_the_camera() {
 #[test]
 fn stereo_images_do_not_depend_on_threads_buckets_or_crops() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: Some(0.02) };
+    let shader = Painted { displace: Some(0.02), ..Painted::new(wavy) };
     for projection in [EyeProjection::OffAxis, EyeProjection::ToeIn] {
         let stereo = |more: &[(&'static str, Vec<f32>)]| CameraView {
             stereo: Some(Stereo { projection, ..STEREO }),
@@ -151,7 +151,7 @@ fn objects_that_one_eye_alone_sees_are_rendered() {
 #[test]
 fn grids_are_shaded_once_for_both_eyes() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let view = CameraView { stereo: Some(STEREO), ..build.view(&[]) };
     let [left, right] = view.eyes().unwrap();
     let points = |eyes: &[CameraView]| seen(&build, &view, eyes, 2, &shader).1.points_shaded;
@@ -163,7 +163,7 @@ fn grids_are_shaded_once_for_both_eyes() {
 #[test]
 fn extreme_stereo_values_give_finite_pixels() {
     let build = busy();
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     let odd = [1e-30, 1e30, f32::MAX, -3.0, 1e-3];
     for (k, separation) in odd.into_iter().enumerate() {
         for convergence in odd {

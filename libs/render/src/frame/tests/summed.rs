@@ -4,6 +4,7 @@ use super::timed::again_as;
 use super::*;
 use crate::passes::{ErrorEstimate, PassPlan, PassReport};
 use granita_base::{NoiseSource, PassNumbers, hash};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, AtomicUsize};
 use std::time::{Duration, Instant};
 
@@ -33,7 +34,7 @@ impl FrameShader for Noisy {
     type Thread<'a> = ();
 
     fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
-        Painted { paint: flat, displace: None }.object(primitive)
+        Painted::new(flat).object(primitive)
     }
     fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
         ObjectTraits { saves: self.saves, ..*object }
@@ -108,7 +109,7 @@ pub(super) fn distance(a: &[f32], b: &[f32]) -> f64 {
 #[test]
 fn one_pass_is_the_frame_of_its_own() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     for data in ["rgba", "rgb", "z", "normal N", "cryptomatte object"] {
         let view = build.view(&[]);
         let frame = render_with(&build, &view, 2, (data, &[]), &shader);
@@ -143,7 +144,7 @@ fn passes_do_not_depend_on_threads_buckets_or_crops() {
 #[test]
 fn the_mean_of_passes_converges_to_the_frame_of_many_samples() {
     let build = busy();
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let few = build.view(&[("int[2] spatialquality", vec![2.0, 2.0]), ("int temporalquality", vec![4.0])]);
     let many = build.view(&[
         ("int[2] spatialquality", vec![24.0, 24.0]),
@@ -166,7 +167,7 @@ fn the_mean_of_passes_converges_to_the_frame_of_many_samples() {
 fn a_requested_error_is_reached_and_costs_passes_where_the_noise_is() {
     let build = busy();
     let view = build.view(&[("int[2] spatialquality", vec![2.0, 2.0])]);
-    let (converged, _) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), passes(300)));
+    let (converged, _) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), passes(120)));
     for asked in [0.06, 0.03] {
         let (pixels, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), error(asked)));
         let reached = distance(&pixels, &converged);
@@ -175,19 +176,20 @@ fn a_requested_error_is_reached_and_costs_passes_where_the_noise_is() {
         let is_whole = report.passes == 2;
         assert!(is_whole || report.mean_passes < f64::from(report.passes), "{report:?}");
     }
-    // Where many passes are needed, they are larger, with any number of threads. Those of a given number are not.
+    // Where many passes are needed, they are larger, with any number of threads, but not where their number is too
+    // small for the error.
     let render = |threads, plan| summed(&build, &view, threads, ("rgb", &[]), (&noisy(), plan));
-    let (pixels, report) = render(2, error(0.01));
+    let (pixels, report) = render(2, error(0.014));
     let reached = distance(&pixels, &converged);
     assert!(
-        report.samples.max(report.pixel_samples) > 1 && reached < 0.015 && !report.is_short,
+        report.samples.max(report.pixel_samples) > 1 && reached < 0.017 && !report.is_short,
         "{reached} {report:?}"
     );
-    assert!(render(1, error(0.01)).0 == pixels);
+    assert!(render(1, error(0.014)).0 == pixels);
     let (_, report) = render(2, PassPlan { error: Some(0.01), ..passes(40) });
     assert!(report.samples == 1 && report.passes > 16, "{report:?}");
     // An error that the number of passes does not allow is reported.
-    let plan = PassPlan { error: Some(0.001), ..passes(3) };
+    let plan = PassPlan { error: Some(0.005), ..passes(3) };
     let (_, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), plan));
     assert!(report.is_short && report.passes == 3, "{report:?}");
 }
@@ -196,7 +198,7 @@ fn a_requested_error_is_reached_and_costs_passes_where_the_noise_is() {
 fn an_image_without_noise_takes_no_more_passes_than_it_needs() {
     let mut build = flat_camera();
     build.square(9.0, &[("color C", &[0.3, 0.6, 0.1])], at(0.0, 0.0, 5.0));
-    let shader = Painted { paint: flat, displace: None };
+    let shader = Painted::new(flat);
     let view = build.view(&[]);
     let frame = render_with(&build, &view, 1, ("rgb", &[]), &shader);
     let (pixels, report) = summed(&build, &view, 1, ("rgb", &[]), (&shader, error(0.001)));
@@ -226,7 +228,7 @@ fn the_parts_of_noise_sources_are_measured() {
     assert!(edges > 0.0 && lights > 0.0 && all.sqrt() > 0.9 * estimate.error, "{estimate:?}");
     assert!(estimate.causes().iter().all(|(_, part)| *part < 1.1 * estimate.error), "{estimate:?}");
     // Without noise in shading there is none of this source.
-    let shader = Painted { paint: wavy, displace: None };
+    let shader = Painted::new(wavy);
     let (_, report) = summed(&build, &view, 1, ("rgb", &[]), (&shader, plan(2)));
     assert_eq!(report.error.unwrap().causes[NoiseSource::Lights as usize], None);
     // Threads and buckets do not show.
@@ -264,15 +266,20 @@ pub(super) fn squares(quality: f32) -> Build {
 /// Renders squares with a shader.
 pub(super) fn drawn(quality: f32, paint: fn(&mut Grid), plan: PassPlan) -> (Vec<f32>, PassReport) {
     let build = squares(quality);
-    summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&Painted { paint, displace: None }, plan))
+    summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&Painted::new(paint), plan))
 }
+
+/// What passes of stripes converge to.
+pub(super) static STRIPED: LazyLock<Vec<f32>> = LazyLock::new(|| converged(striped));
+/// What passes of highlights converge to.
+static HIGHLIGHTS: LazyLock<Vec<f32>> = LazyLock::new(|| converged(with_highlight));
 
 /// Returns what passes of [`drawn`] converge to. No passes have as many samples of a pixel: an image that
 /// shared them would seem to have less noise.
 pub(super) fn converged(paint: fn(&mut Grid)) -> Vec<f32> {
     let build = squares(16.0);
     let view = build.view(&[("int[2] spatialquality", vec![18.0, 18.0])]);
-    summed(&build, &view, 2, ("rgb", &[]), (&Painted { paint, displace: None }, passes(4))).0
+    summed(&build, &view, 2, ("rgb", &[]), (&Painted::new(paint), passes(4))).0
 }
 
 #[test]
@@ -292,7 +299,7 @@ fn bias_is_found_where_few_pixels_have_it() {
     let deadline = Some(Instant::now() + begin.elapsed().mul_f64(14.0));
     let plan = PassPlan { deadline, ..error(0.3 * bias as f32) };
     let (pixels, report) = drawn(1.0, slowly, plan);
-    let found = distance(&pixels, &converged(striped));
+    let found = distance(&pixels, &STRIPED);
     // One pass says nothing.
     let is_right = |says: ErrorEstimate| says.bias.is_some() && (0.6..2.2).contains(&(says.error / found));
     assert!(report.error.is_none_or(is_right), "{found}: {report:?}");
@@ -312,12 +319,12 @@ fn with_highlight(grid: &mut Grid) {
 
 #[test]
 fn highlights_between_the_points_of_coarse_surfaces_are_not_missed() {
-    let converged = converged(with_highlight);
-    let as_it_is = distance(&drawn(1.0, with_highlight, passes(20)).0, &converged);
+    let converged = &*HIGHLIGHTS;
+    let as_it_is = distance(&drawn(1.0, with_highlight, passes(20)).0, converged);
     assert!(as_it_is > 0.3, "{as_it_is}");
     for asked in [0.16, 0.08] {
         let (pixels, report) = drawn(1.0, with_highlight, error(asked));
-        let found = distance(&pixels, &converged);
+        let found = distance(&pixels, converged);
         assert!(found < 1.2 * f64::from(asked) && !report.is_short, "{found} of {asked}: {report:?}");
         let says = report.error.unwrap();
         assert!((0.7..3.0).contains(&(says.error / found)), "{found} of {asked}: {report:?}");
@@ -326,7 +333,7 @@ fn highlights_between_the_points_of_coarse_surfaces_are_not_missed() {
 
 /// Paints with noise, and records what passes are rendered with.
 struct Recorded {
-    painted: Painted<fn(&mut Grid)>,
+    painted: Painted<'static>,
     noise: f32,
     tolerance: Mutex<f32>,
     /// The random numbers and the factor of tolerances of each pass.
@@ -374,7 +381,7 @@ impl FrameShader for Recorded {
 /// Renders squares with a requested error, and records it.
 fn recorded((paint, noise): (fn(&mut Grid), f32), plan: PassPlan) -> (Vec<f32>, PassReport, Recorded) {
     let (tolerance, passes) = (Mutex::new(1.0), Mutex::new(Vec::new()));
-    let painted = Painted { paint, displace: None };
+    let painted = Painted::new(paint);
     let shader = Recorded { painted, noise, tolerance, passes, points: AtomicUsize::new(0) };
     let build = squares(1.0);
     let (pixels, report) = summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&shader, plan));
@@ -383,13 +390,13 @@ fn recorded((paint, noise): (fn(&mut Grid), f32), plan: PassPlan) -> (Vec<f32>, 
 
 #[test]
 fn passes_go_at_once_to_the_accuracy_that_the_error_needs() {
-    let converged = converged(striped);
-    let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, &converged) as f32;
+    let converged = &*STRIPED;
+    let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, converged) as f32;
     // Those with 2 or 4 times as many points along each side as the coarse ones are next, and the only ones.
     for part in [0.6, 0.25] {
         let asked = part * of_coarse;
         let (pixels, report, at_once) = recorded((striped, 0.0), error(asked));
-        let found = distance(&pixels, &converged);
+        let found = distance(&pixels, converged);
         assert!(found < 1.2 * f64::from(asked) && !report.is_short, "{part}: {found} {report:?}");
         assert!(report.coarse.is_none(), "{report:?}");
         // Time and numbers that suffice change nothing.
@@ -407,9 +414,9 @@ fn passes_go_at_once_to_the_accuracy_that_the_error_needs() {
 #[test]
 fn bias_that_is_measured_twice_is_that_of_independent_passes() {
     // Highlights need more levels than are known at once.
-    let converged = converged(with_highlight);
-    let (pixels, report, shader) = recorded((with_highlight, 3.0), error(0.05));
-    let found = distance(&pixels, &converged);
+    let converged = &*HIGHLIGHTS;
+    let (pixels, report, shader) = recorded((with_highlight, 2.0), error(0.05));
+    let found = distance(&pixels, converged);
     assert!(found < 0.06 && !report.is_short, "{found} {report:?}");
     // Nothing is finer than what the last passes are compared with.
     let all = shader.passes.into_inner();
@@ -424,14 +431,14 @@ fn bias_that_is_measured_twice_is_that_of_independent_passes() {
 
 #[test]
 fn an_image_stays_coarse_where_the_error_permits_it() {
-    let converged = converged(striped);
-    let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, &converged) as f32;
+    let converged = &*STRIPED;
+    let of_coarse = distance(&drawn(0.5, striped, passes(20)).0, converged) as f32;
     let asked = 3.0 * of_coarse;
     let (pixels, report) = drawn(1.0, striped, error(asked));
     assert_eq!((report.coarse, report.passes, report.is_short), (Some(2), 2, false), "{report:?}");
     let largest = report.error.unwrap().bias.unwrap();
     assert!((0.8..3.0).contains(&(largest / f64::from(of_coarse))), "{largest} of {of_coarse}");
-    assert!(distance(&pixels, &converged) < f64::from(asked));
+    assert!(distance(&pixels, converged) < f64::from(asked));
     assert!(pixels == drawn(0.5, striped, passes(2)).0, "it has points twice as far apart");
     // A number of passes makes it again, and more have less noise.
     let plan = |n| PassPlan { passes: Some(n), ..error(asked) };

@@ -1,6 +1,8 @@
 //! Tests images of passes that end with their time, or that are stopped.
 
-use super::summed::{Noisy, converged, distance, drawn, error, noisy, passes, squares, striped, summed};
+use super::summed::{
+    Noisy, STRIPED, converged, distance, drawn, error, noisy, passes, squares, striped, summed,
+};
 use super::*;
 use crate::passes::{PassPlan, PassReport};
 use granita_base::{PassNumbers, hash};
@@ -46,10 +48,10 @@ fn time_decides_only_the_number_of_passes_and_how_fine_surfaces_are() {
         assert!(shown(&same) == shown(&report) && (is_measured || same == report), "{report:?} {same:?}");
     }
     // Finer surfaces pay where noise is small. A slow machine has more time.
-    let converged = converged(striped);
-    let bias = distance(&drawn(1.0, striped, passes(20)).0, &converged);
+    let converged = &*STRIPED;
+    let bias = distance(&drawn(1.0, striped, passes(20)).0, converged);
     let (pixels, report) = in_time(striped, |report| report.finer > 1).expect("finer surfaces");
-    let found = distance(&pixels, &converged);
+    let found = distance(&pixels, converged);
     assert!(found < 0.7 * bias, "{found} {bias} {report:?}");
     let error = report.error.unwrap();
     assert!(error.bias.is_some() && (0.6..2.2).contains(&(error.error / found)), "{found} {report:?}");
@@ -229,7 +231,7 @@ fn passes_with_more_samples_pay_where_pixels_have_most_of_the_noise() {
     assert!((0.5..2.0).contains(&(says / found)), "{says} {found}");
     // A number of passes has what is requested, with any buckets and crops.
     let build = squares(1.0);
-    let painted = Painted { paint: flat, displace: None };
+    let painted = Painted::new(flat);
     let plan = PassPlan { larger: [1, 0], ..passes(2) };
     let (whole, report) = summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&painted, plan));
     assert_eq!((report.pixel_samples, report.passes), (4, 2));
