@@ -254,10 +254,11 @@ fn run() -> Result<(), String> {
             cells += 1;
             reached += usize::from(most <= 1.2 * *asked);
             hidden += usize::from(is_hidden && most > 1.2 * *asked);
-            let bias = image.says_bias.map_or_else(|| "not measured".to_owned(), |bias| format!("{bias:.2}"));
-            let says = image.says.unwrap_or_default();
+            let said =
+                |percent: Option<f64>| percent.map_or("not measured".to_owned(), |p| format!("{p:.2}"));
+            let (says, bias) = (said(image.says), said(image.says_bias));
             show(&format!(
-                "{before} {most:.2} ({says:.2}, {bias}) {:.2} s, {} passes |",
+                "{before} {most:.2} ({says}, {bias}) {:.2} s, {} passes |",
                 image.seconds, image.passes
             ))?;
         }
