@@ -25,8 +25,11 @@ const FIXED: f64 = 0.1;
 /// How many times as far apart the points of surfaces may be.
 const FACTORS: [u32; 4] = [2, 4, 8, 16];
 
-/// A time that is too short to see how fast a pass is. The first pass is finished then.
+/// A time that is too short to see how fast a pass is.
 const SHORT: Duration = Duration::from_millis(200);
+
+/// The time that the first pass has instead, so that it is coarse only where it takes longer than that.
+const INSTEAD: Duration = Duration::from_millis(500);
 
 /// When a pass is given up.
 #[derive(Clone, Copy, Debug)]
@@ -96,6 +99,13 @@ fn at_least_two(samples: u32, n: u32) -> u32 {
     (samples / (n * n)).max(samples.min(2))
 }
 
+/// Returns the plan of the first pass, which began at `begin`, perhaps after its time was over.
+pub(super) fn of_first(plan: &PassPlan, begin: Instant) -> PassPlan {
+    let is_short = |deadline: &Instant| deadline.saturating_duration_since(begin) < SHORT;
+    let deadline = plan.deadline.map(|deadline| if is_short(&deadline) { begin + INSTEAD } else { deadline });
+    PassPlan { deadline, ..*plan }
+}
+
 /// Returns the limit of a pass that began at `begin` and is given up early. There is none without a requested time.
 fn expected(plan: &PassPlan, begin: Instant, is_needed: bool) -> Option<Limit> {
     let deadline = plan.deadline?;
@@ -107,8 +117,7 @@ fn expected(plan: &PassPlan, begin: Instant, is_needed: bool) -> Option<Limit> {
 impl<S: FrameShader> Frame<'_, S> {
     /// Returns the limit of the first pass, which began at `begin`. There is none without a requested time.
     pub(super) fn first_limit(&self, plan: &PassPlan, begin: Instant) -> Option<Limit> {
-        let left = plan.deadline?.saturating_duration_since(begin);
-        if left >= SHORT { expected(plan, begin, true) } else { None }
+        expected(&of_first(plan, begin), begin, true)
     }
 
     /// Returns the limit of the first pass of other surfaces or samples, which began at `begin`.
@@ -116,9 +125,10 @@ impl<S: FrameShader> Frame<'_, S> {
         expected(plan, begin, false)
     }
 
-    /// Renders the first pass with points that are far enough apart to end in time, after one that would have taken
-    /// the time `whole`. Lights and rays have fewer samples in proportion, and so have pixels with four times the
-    /// distance or more. Returns the number of buckets that failed; `None` when the frame was stopped.
+    /// Renders the first pass, by the plan of [`of_first`], with points that are far enough apart to end in time, after
+    /// one that would have taken the time `whole`. Lights and rays have fewer samples in proportion, and so have pixels
+    /// with four times the distance or more. Returns the number of buckets that failed; `None` when the frame was
+    /// stopped.
     pub(super) fn render_coarse(
         &mut self,
         (scene, plan): (&Scene, &PassPlan),
@@ -163,6 +173,19 @@ mod tests {
         let seconds = Duration::from_secs;
         assert_eq!([4, 16, 25, 60, 5000].map(|whole| factor(seconds(whole), seconds(4))), [2, 4, 8, 16, 16]);
         assert_eq!(factor(seconds(1), Duration::ZERO), 16);
+    }
+
+    #[test]
+    fn a_first_pass_that_begins_too_late_has_some_time() {
+        let begin = Instant::now();
+        let left = |deadline: Instant| {
+            let plan = PassPlan { deadline: Some(deadline), ..PassPlan::default() };
+            of_first(&plan, begin).deadline.unwrap().saturating_duration_since(begin)
+        };
+        let after = |milliseconds| begin + Duration::from_millis(milliseconds);
+        assert_eq!([left(after(3000)), left(after(200))], [3000, 200].map(Duration::from_millis));
+        let before = begin.checked_sub(Duration::from_secs(9)).unwrap();
+        assert_eq!([left(after(199)), left(before)], [INSTEAD; 2]);
     }
 
     #[test]

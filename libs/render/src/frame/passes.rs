@@ -2,7 +2,7 @@
 
 use super::bias::Run;
 use super::clean::DenoisedErrors;
-use super::coarse::{Limit, Outlook};
+use super::coarse::{Limit, Outlook, of_first};
 use super::levels::{Next, Passes, Step};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
@@ -194,7 +194,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 Ok(without) => without,
                 Err(part) if is_first && !self.is_stopped() => {
                     let whole = begin.elapsed().div_f64(part.max(1e-6));
-                    if let Some(without) = self.render_coarse((scene, plan), whole, canvases, threads, &list)
+                    let plan = of_first(plan, begin);
+                    if let Some(without) = self.render_coarse((scene, &plan), whole, canvases, threads, &list)
                     {
                         self.add_pass(0);
                         (failed, completed) = (without, 1);

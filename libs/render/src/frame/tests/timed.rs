@@ -182,6 +182,16 @@ fn a_pass_that_would_not_end_in_time_is_coarse() {
 }
 
 #[test]
+fn a_frame_that_begins_after_its_time_is_coarse() {
+    let build = busy();
+    let view = build.view(&[("int[2] limits:bucketsize", vec![8.0; 2])]);
+    let plan = PassPlan { passes: None, deadline: Some(Instant::now()), ..passes(1) };
+    let slow = Noisy { of_point: Duration::from_millis(2), ..noisy() };
+    let (_, report) = summed(&build, &view, 2, ("rgba", &[]), (&slow, plan));
+    assert_eq!((report.passes, report.coarse), (1, Some(16)));
+}
+
+#[test]
 fn one_pass_of_finer_surfaces_is_enough_where_bias_is_most_of_the_error() {
     // Points take so long that the time of a pass is in proportion to their number.
     let slowly = |grid: &mut Grid| {
