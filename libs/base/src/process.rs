@@ -317,7 +317,8 @@ mod unix {
     /// when its number belongs to another process.
     ///
     /// A child holds the connection until it runs its program, and then has its variables. Processes that are being
-    /// started are therefore all found.
+    /// started are therefore all found. The whole group of each is ended (the third word after the name in its
+    /// status), because it may start others while the guard looks.
     const GUARD: &str = r#"trap '' HUP INT TERM QUIT TSTP
 cd /
 groups=
@@ -352,7 +353,9 @@ while read -r word number start; do
 done
 for s in $starts; do
     for e in /proc/[0-9]*/environ; do
-        tr '\0' '\n' < "$e" | grep -qx "GRANITA_START=$s" && p=${e#/proc/} && kill -s KILL "${p%/environ}"
+        tr '\0' '\n' < "$e" | grep -qx "GRANITA_START=$s" && read -r stat < "${e%environ}stat" || continue
+        set -- ${stat##*) }
+        kill -s KILL -- "-$3"
     done
 done
 some=
@@ -434,6 +437,8 @@ send KILL
 mod tests {
     use super::*;
     use std::io::{BufRead, BufReader};
+    #[cfg(target_os = "linux")]
+    use std::os::unix::process::CommandExt;
     use std::process::Stdio;
 
     fn alive(pid: &str) -> bool {
@@ -481,7 +486,7 @@ mod tests {
         let start = format!("{}.guard-test", std::process::id());
         let began = |guard: &unix::Guard| {
             guard.tell(&format!("s {start}"));
-            Command::new("sleep").arg("1000").env(START, &start).spawn().unwrap()
+            Command::new("sleep").arg("1000").env(START, &start).process_group(0).spawn().unwrap()
         };
         let guard = unix::Guard::start().unwrap();
         let mut child = began(&guard);
@@ -497,6 +502,26 @@ mod tests {
         assert!(alive(&child.id().to_string()));
         child.kill().unwrap();
         child.wait().unwrap();
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_guard_ends_what_a_child_starts_while_it_is_searched_for() {
+        let start = format!("{}.forking-test", std::process::id());
+        let guard = unix::Guard::start().unwrap();
+        guard.tell(&format!("s {start}"));
+        let forks = "for i in $(seq 300); do sleep 1000 > /dev/null & echo $!; sleep 0.01; done; wait";
+        let mut command = Command::new("sh");
+        command.args(["-c", forks]).env(START, &start).process_group(0).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        drop(guard);
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let numbers: Vec<String> = lines.map(Result::unwrap).collect();
+        child.wait().unwrap();
+        std::thread::sleep(Duration::from_millis(500));
+        let left = numbers.iter().filter(|pid| alive(pid)).count();
+        let _ = Command::new("kill").args(["-s", "KILL", "--"]).args(&numbers).output();
+        assert!(numbers.len() < 300 && left == 0, "{left} of {}", numbers.len());
     }
 
     #[test]
