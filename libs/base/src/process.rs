@@ -510,7 +510,7 @@ mod tests {
         let start = format!("{}.forking-test", std::process::id());
         let guard = unix::Guard::start().unwrap();
         guard.tell(&format!("s {start}"));
-        let forks = "for i in $(seq 300); do sleep 1000 > /dev/null & echo $!; sleep 0.01; done; wait";
+        let forks = "for i in $(seq 3000); do sleep 1000 > /dev/null & echo $!; sleep 0.01; done; wait";
         let mut command = Command::new("sh");
         command.args(["-c", forks]).env(START, &start).process_group(0).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
@@ -521,7 +521,7 @@ mod tests {
         std::thread::sleep(Duration::from_millis(500));
         let left = numbers.iter().filter(|pid| alive(pid)).count();
         let _ = Command::new("kill").args(["-s", "KILL", "--"]).args(&numbers).output();
-        assert!(numbers.len() < 300 && left == 0, "{left} of {}", numbers.len());
+        assert!(numbers.len() < 3000 && left == 0, "{left} of {}", numbers.len());
     }
 
     #[test]

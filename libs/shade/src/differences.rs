@@ -47,11 +47,11 @@ fn uneven(topology: &Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
     list
 }
 
-/// Returns `a - b`, but 0 for values with the same bits. An infinity does not change along the grid, and a uniform
-/// value is the same in every lane.
+/// Returns `a - b`, but 0 for values with the same bits, and for two NaN, whose bits machines and compilers choose. An
+/// infinity does not change along the grid, and a uniform value is the same in every lane.
 #[inline]
 pub(crate) fn minus(a: f32, b: f32) -> f32 {
-    if a.to_bits() == b.to_bits() { 0.0 } else { a - b }
+    if (a.to_bits() == b.to_bits()) | (a.is_nan() & b.is_nan()) { 0.0 } else { a - b }
 }
 
 /// Returns the slope at `a` of the parabola through three equidistant values.
@@ -68,6 +68,17 @@ pub(crate) fn backward(a: f32, b: f32, c: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn differences_do_not_depend_on_the_bits_of_a_nan() {
+        let [plus, minus_nan] = [0x7fc0_0000, 0xffc0_0001].map(f32::from_bits);
+        assert_eq!(
+            [minus(plus, minus_nan), minus(plus, plus), minus(f32::INFINITY, f32::INFINITY)],
+            [0.0; 3]
+        );
+        assert!(minus(plus, 1.0).is_nan() && minus(1.0, plus).is_nan());
+        assert_eq!(backward(plus, minus_nan, plus), 0.0);
+    }
 
     #[test]
     fn derivatives_do_not_depend_on_the_spacing_of_points() {
